@@ -86,8 +86,8 @@ def _read(call: ast.Call, package: str, errors: set[str]) -> Iterator[tuple[str,
         yield from (("error", value) for value in (*call.args, *keywords.values()))
     elif name == "Note":
         yield from (("note", value) for value in (*call.args[2:], *filter(None, [keywords.get("text")])))
-    elif package == "cli" and "help" in keywords:
-        yield "help", keywords["help"]
+    elif package == "cli" and (name == "add" or isinstance(call.func, ast.Call)) and len(call.args) == 2:
+        yield "help", call.args[1]  # of an option, beside its usage
     elif package in ("plot", "web", "reporting"):
         read = call.args[1:] if name == "Section" else call.args if name in _LABELLING else []
         yield from (("label", value) for value in (*read, *(v for k, v in keywords.items() if k in _LABELS)))

@@ -69,5 +69,5 @@ def test_dwells_that_tell_nothing_are_refused() -> None:
     refused("periods", ms.tuned_dwell, rig.dwell([0.1] * 4, steps, duration=1.8))
     apart = [run.select(outputs=["1:+X"]) for run in runs]
     refused("the motion at 2:[+]X is not measured", ms.tuned_dwell, apart)
-    with pytest.raises(DataError, match="one a frequency"):
+    with pytest.raises(DataError, match="one per frequency"):
         rig.dwell([0.1], steps)

@@ -14,8 +14,8 @@ from tests.support import refused
     ("text", "message"),
     [
         ("time_s,out y1\n0,1\n", "there is one sample"),
-        ("time_s,out y1\n0,1\n1,x\n", r"1 line under the table was left \('1,x' ...\)"),
-        ("time_s,out y1\n0,1\n# ends\nend\n1,2\n", r"1 line among the rows was left \('end' ...\)"),
+        ("time_s,out y1\n0,1\n1,x\n", r"1 line under the table ignored \('1,x' ...\)"),
+        ("time_s,out y1\n0,1\n# ends\nend\n1,2\n", r"1 line among the rows ignored \('end' ...\)"),
         ("time_s,out y1\n0,1\n1\n", "needs 2 numbers in every row"),
         ("time_s,out y1\n0,1\n1,nan\n2,3\n", "outputs needs finite numbers"),
         ("time_s,out y1\n0,1\n1,1\n5,1\n", "evenly sampled"),

@@ -139,7 +139,7 @@ def test_arrays_of_settings_and_results_beside_a_record_are_left_with_a_note(tmp
     path = _saved(tmp_path, y=RNG.standard_normal((900, 3)), fs=10.0, phi=np.ones((6, 80)), zeta=np.ones(30))
     survey = mio.survey(path)
     assert survey.thing.outputs.shape == (900, 3)
-    assert "phi, zeta were left: no axis has 900 samples" in survey.notes
+    assert "phi, zeta ignored: no axis has 900 samples" in survey.notes
     refused(r"ignore=\['z'\]", mio.read, _saved(tmp_path, y=np.ones((900, 3)), fs=10.0, z=np.ones(800)))
 
 
@@ -193,7 +193,7 @@ def test_of_records_and_responses_in_one_file_the_responses_are_read_and_the_rec
 def test_a_coherence_beyond_one_is_left_with_a_note(tmp_path, top, taken):
     survey = mio.survey(_saved(tmp_path, **_of_an_analyser(Hf_coh_chan_2=np.linspace(0.5, top, 65))))
     assert (survey.thing.coherence is not None) is taken
-    assert any("a coherence lies between 0 and 1" in note for note in survey.notes) is not taken
+    assert any("values outside 0..1, no coherence" in note for note in survey.notes) is not taken
 
 
 def test_one_array_asks_for_its_rate_and_a_row_is_a_channel(tmp_path):

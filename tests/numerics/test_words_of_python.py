@@ -5,11 +5,14 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import modalscope as ms
+import modalscope.io as mio
 from modalscope.interfaces.cli import main
 from modalscope.numerics.errors import DataError, in_python
+from modalscope.systems import chain5
 
 
 @pytest.mark.parametrize(
@@ -48,3 +51,34 @@ def test_an_error_of_reading_is_obeyed_in_python_and_on_the_terminal(
     assert ms.read(path, sampling_rate=10.0).samples == 300
     assert main(["info", str(path)]) == 2
     assert "--sampling-rate HZ" in capsys.readouterr().err
+
+
+def test_what_a_file_and_its_data_say_has_the_words_of_who_reads_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("time,a,b,c\n" + "\n".join(f"{0.1 * k:.1f},{k % 7},{k % 5 - 2},1" for k in range(300)))
+    survey = mio.survey(path)
+    (note,), findings = survey.told, ms.preprocess.examine(survey.thing)
+    said = [*map(str, (survey, note, *findings)), repr(note)]
+    assert "columns='in=" in said[0]
+    assert "columns='in=" in said[1]
+    assert any("exclude=['c']" in text for text in said)
+    assert not any(re.search(r"--[a-z]", text) for text in said)
+    assert '--columns "in=' in note.text
+    assert main(["info", str(path)]) == 0
+    told = capsys.readouterr().out
+    assert '--columns "in=' in told
+    assert "--exclude 'c'" in told
+    assert "exclude=" not in told
+    assert [*map(str, (survey, note, *findings)), repr(note)] == said
+
+
+def test_a_report_has_the_words_of_who_writes_it(tmp_path: Path) -> None:
+    path, page = tmp_path / "a.npz", tmp_path / "a.html"
+    lines = chain5().frequency_response(np.linspace(0.05, 4.0, 400), noise=0.01, seed=1)
+    ms.write(path, lines.select(outputs=lines.output_dofs[:1]))
+    ms.report(ms.analyze(path, orders=range(4, 15, 2)), page)
+    assert "(else: reciprocal=False)" in page.read_text()
+    assert main(["identify", str(path), "--orders", "4:14:2", "-q", "-o", str(page)]) == 0
+    assert "(else: --no-reciprocal)" in page.read_text()

@@ -13,6 +13,7 @@ from scipy.special import stdtrit
 from modalscope.data.channels import Channels, check_quantity, derivatives_between, source_of
 from modalscope.data.notes import Candidate, Harmonic, Note, candidates_of, harmonics_of, notes_of
 from modalscope.data.residual_terms import ResidualTerms, residual_terms_of
+from modalscope.data.shown import figures
 from modalscope.numerics.checks import (
     BoolArray,
     ComplexArray,
@@ -336,7 +337,7 @@ def told(deviation: float) -> str:
     >>> told(0.01234), told(float("nan"))
     ('0.012', '-')
     """
-    return f"{deviation:.2g}" if deviation == deviation else "-"
+    return figures(deviation, 2) if deviation == deviation else "-"
 
 
 def values_on_samples(modes: ModeFields, samples: int, rate: float, first_sample: int = 0) -> RealArray:

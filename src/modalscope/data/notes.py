@@ -8,8 +8,9 @@ from typing import Any, NamedTuple, Self, TypeVar
 
 import numpy as np
 
+from modalscope.data.shown import percent
 from modalscope.numerics.checks import check_count, check_each, check_kind, check_number, freeze
-from modalscope.numerics.errors import DataError
+from modalscope.numerics.errors import DataError, as_read
 
 #: The kind of a note that is nothing but its text.
 REMARK = "remark"
@@ -26,7 +27,7 @@ class Note:
     numbers : mapping of name to number
         The numbers of the text; NaN where one is not known.
     text : str
-        One sentence. `str(note)` is this text.
+        One sentence, whose remedies may name options of the terminal. `str(note)` has the arguments of Python in their place.
 
     Raises
     ------
@@ -48,12 +49,14 @@ class Note:
         for name, text in (("kind", self.kind), ("text", self.text)):
             check_kind(f"{name} of a note", text, str)
         check_kind("numbers of a note", self.numbers, Mapping)
-        freeze(
-            self, numbers={str(name): _or_unknown(f"{name} of a note", value) for name, value in self.numbers.items()}
-        )
+        numbers = {str(name): _or_unknown(f"{name} of a note", value) for name, value in self.numbers.items()}
+        freeze(self, numbers=numbers)
 
     def __str__(self) -> str:
-        return self.text
+        return as_read(self.text)
+
+    def __repr__(self) -> str:
+        return f"Note({self.kind!r}, {dict(self.numbers)!r}, {str(self)!r})"
 
     def __hash__(self) -> int:
         return hash((self.kind, self.text, tuple(sorted(self.numbers.items()))))
@@ -141,7 +144,7 @@ class Finding(NamedTuple):
         return self._replace(reason=f"{self.reason} (no line of the band {words} is concerned)")
 
     def __str__(self) -> str:
-        return f"{self.kind}: {', '.join(self.channels)}: {self.reason}. {self.change}"
+        return as_read(f"{self.kind}: {', '.join(self.channels)}: {self.reason}. {self.change}")
 
 
 class _Row:
@@ -171,9 +174,8 @@ class _Row:
         try:
             return cls(**known)
         except TypeError:  # an entry that has no default
-            raise DataError(
-                f"a {cls.__name__} was asked", f"its entries are {', '.join(entries)}", "Write the file again."
-            ) from None
+            have = f"its entries are {', '.join(entries)}"
+            raise DataError(f"a {cls.__name__} was asked", have, "Write the file again.") from None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
@@ -201,7 +203,7 @@ class Candidate(_Row):
         )
 
     def __str__(self) -> str:
-        return f"{self.frequency:.4g} Hz, {100 * self.damping_ratio:.3g} %: {self.reason}"
+        return f"{self.frequency:.4g} Hz, {percent(self.damping_ratio)}: {self.reason}"
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)

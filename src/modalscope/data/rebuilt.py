@@ -11,6 +11,7 @@ from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.response import Response, output_scale
 from modalscope.data.results import StabilizationDiagram
+from modalscope.data.shown import percent
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.errors import DataError
 
@@ -105,7 +106,7 @@ def unexplained(fit_error: float) -> str:
     WARNING: 72 % of the response is unexplained. Modes are missing, or something else was measured: raise \
 the largest order, choose a narrower band, or look for channels and lines that no mode explains.
     """
-    share = f"{100 * fit_error:.3g} % of the response"
+    share = f"{percent(fit_error)} of the response"
     if explains_enough(fit_error):
         return f"Unexplained: {share}."
     return (

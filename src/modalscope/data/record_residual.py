@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from modalscope.data.notes import Note
+from modalscope.data.shown import percent
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.functions.poles import is_real
 
@@ -89,7 +90,7 @@ def excess_notes(found: Excess) -> tuple[Note, ...]:
         return ()
     text = (
         f"unmeasured forces, or noise on the inputs: the residual is {found.decibels:.0f} dB higher at the modes than between them "
-        f"({100 * found.share:.2g} % of the response there). Unmeasured forces widen intervals, noise on the inputs biases damping; "
+        f"({percent(found.share, 2)} of the response there). Unmeasured forces widen intervals, noise on the inputs biases damping; "
         "one record cannot separate the two."
     )
     return (Note(UNMEASURED, {"decibels": found.decibels, "share": found.share}, text),)

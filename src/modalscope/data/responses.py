@@ -102,9 +102,8 @@ class ImpulseResponse(Response):
     def __post_init__(self) -> None:
         values = real_array("values", one_channel(self.values, 3), "(samples, outputs, inputs)", 3)
         if values.shape[0] < 2 or 0 in values.shape:
-            raise DataError(
-                "an impulse response needs two samples", f"its shape is {values.shape}", "Measure a longer one."
-            )
+            have = f"its shape is {values.shape}"
+            raise DataError("an impulse response needs two samples", have, "Measure a longer one.")
         freeze(
             self,
             values=values,
@@ -295,9 +294,8 @@ def check_lines(lines: RealArray, values: ComplexArray) -> None:
             "Lines come first in values: (lines, outputs, inputs); transpose it if they stand elsewhere.",
         )
     if lines[0] < 0:
-        raise DataError(
-            "frequencies needs lines from 0 Hz", f"the first is {lines[0]:g} Hz", "Leave negative lines out."
-        )
+        have = f"the first is {lines[0]:g} Hz"
+        raise DataError("frequencies needs lines from 0 Hz", have, "Leave negative lines out.")
     falling = np.flatnonzero(np.diff(lines) <= 0)
     if falling.size:
         k = int(falling[0])

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.special import betaln, expit
 
 from modalscope.data.modes import ModalModel, Mode
+from modalscope.data.shown import figures
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import ComplexArray, IntArray, RealArray, check_kind
 from modalscope.numerics.errors import DataError
@@ -95,7 +96,7 @@ def same_mode(a: Mode | ModalModel, b: Mode | ModalModel) -> Sameness:
     probability, distance, mac = (float(x[0, 0]) for x in (expit(found.log_ratio), found.distance, found.mac))
     alike = "" if np.isnan(mac) else f", MAC {mac:.2f}"
     text = (
-        f"{one.frequencies[0]:.5g} Hz and {other.frequencies[0]:.5g} Hz: {distance:.2g} standard deviations apart{alike}; "
+        f"{one.frequencies[0]:.5g} Hz and {other.frequencies[0]:.5g} Hz: {figures(distance, 2)} standard deviations apart{alike}; "
         f"probability {probability:.2g} that they are the same mode"
     )
     return Sameness(probability, distance, mac, text)

@@ -105,11 +105,21 @@ def frequency(hertz: float) -> str:
     return f"{hertz:.5g} Hz"
 
 
+def figures(value: float, digits: int = 3) -> str:
+    """Return a number with so many digits, or with all that it has before its point, up to a million.
+
+    Examples
+    --------
+    >>> figures(1.2345), figures(1234.5), figures(99.9, 2)
+    ('1.23', '1234', '100')
+    """
+    text = f"{value:.{digits}g}"
+    return f"{value:.0f}" if "e+" in text and abs(value) < 1e6 else text
+
+
 def percent(ratio: float, digits: int = 3) -> str:
     """Return a ratio in per cent, or a dash if it is not finite."""
-    if not np.isfinite(ratio):
-        return "–"
-    return f"{100 * ratio:.0f} %" if abs(100 * ratio) >= 10**digits else f"{100 * ratio:.{digits}g} %"
+    return f"{figures(100 * ratio, digits)} %" if np.isfinite(ratio) else "–"
 
 
 def text_table(rows: Iterable[Sequence[str]], left: Container[int] = ()) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from modalscope.data.records import Records, Signals
 from modalscope.data.response import Response
 from modalscope.data.setups import Setups
+from modalscope.data.shown import figures
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.errors import DataError
 
@@ -56,7 +57,7 @@ def _check(name: str, array: Array, labels: tuple[str, ...], most: float, channe
     if odd.size:
         raise DataError(
             f"{name} between {1 / most:g} and {most:g} were asked",
-            f"the largest of channel {labels[odd[0]]} is {size[odd[0]]:.3g}",
+            f"the largest of channel {labels[odd[0]]} is {figures(size[odd[0]])}",
             "Give them in another unit, or correct the factor they were multiplied with.",
         )
 

@@ -16,6 +16,7 @@ import numpy as np
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.records import Records, Signals
+from modalscope.data.shown import figures, percent
 from modalscope.numerics.checks import ComplexArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.functions.poles import QUANTITIES, poles_from
@@ -99,7 +100,7 @@ def _amplitudes(run: Signals) -> tuple[float, ComplexArray, ComplexArray]:
         first, second = (_fitted(w, t[part], u[part]) for part in (slice(None, len(t) // 2), slice(len(t) // 2, None)))
         w += float(np.angle(np.sum(second * first.conj()))) / (t[len(t) // 2] - t[0])
     if w * t[-1] < 2 * np.pi * _MIN_PERIODS:
-        have = f"the second half of one has {w * t[-1] / (2 * np.pi):.2g} periods"
+        have = f"the second half of one has {figures(w * t[-1] / (2 * np.pi), 2)} periods"
         raise DataError("a tuned dwell was asked", have, f"Dwell for {2 * _MIN_PERIODS:g} periods, or longer.")
     return w, _fitted(w, t, y), _fitted(w, t, u)
 
@@ -139,7 +140,7 @@ def _backbone_note(levels: Any) -> Note:
     ends = [levels[name][[0, -1]] for name in ("amplitude", "frequency", "damping")]
     change = float(np.abs(levels.frequency / levels.frequency[0] - 1).max())
     text = (
-        f"linear within {100 * change:.2g} %: amplitudes {ends[0][0]:.3g} to {ends[0][1]:.3g}, "
-        f"{ends[1][0]:.5g} to {ends[1][1]:.5g} Hz, damping {100 * ends[2][0]:.3g} to {100 * ends[2][1]:.3g} %"
+        f"linear within {percent(change, 2)}: amplitudes {figures(ends[0][0])} to {figures(ends[0][1])}, "
+        f"{ends[1][0]:.5g} to {ends[1][1]:.5g} Hz, damping {figures(100 * ends[2][0])} to {percent(ends[2][1])}"
     )
     return Note("backbone", {"change": change}, text)

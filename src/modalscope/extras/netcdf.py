@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from modalscope.data.shown import figures
 from modalscope.io.contents import damage_as_error, unreadable
 from modalscope.io.hdf5 import check_hdf5
 from modalscope.io.limits import room
@@ -145,7 +146,7 @@ def _as_ratios(rows: dict[str, Any], damping: _Variable | None, unit: str, name:
         for field in ("damping_ratios", "damping_ratios_std"):
             if field in rows:
                 rows[field] = rows[field] / 100
-    return (f"damping in {name} is taken for per cent: its median is {middle:.2g}",) if guessed else ()
+    return (f"damping in {name} is taken for per cent: its median is {figures(middle, 2)}",) if guessed else ()
 
 
 def _shapes(shapes: _Variable, f: _Variable, times: _Variable, name: str) -> Array:

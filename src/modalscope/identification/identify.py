@@ -10,7 +10,7 @@ from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.rebuilt import fit_error_of
 from modalscope.data.response import Response
-from modalscope.data.shown import Shown, cells_of, summary_of
+from modalscope.data.shown import Shown, cells_of, percent, summary_of
 from modalscope.data.statespace import StateSpace
 from modalscope.identification.matrices.factor import Factors
 from modalscope.identification.matrices.full import full
@@ -213,10 +213,8 @@ def assemble(
 
 @summary_of.register
 def _(found: Identification) -> str:
-    return (
-        f"{cell_label(found.method, found.domain)} at order {found.order}: {summary_of(found.modes)}; "
-        f"fit error {100 * found.fit_error:.3g} %"
-    )
+    found_at = f"{cell_label(found.method, found.domain)} at order {found.order}"
+    return f"{found_at}: {summary_of(found.modes)}; fit error {percent(found.fit_error)}"
 
 
 @cells_of.register

@@ -30,6 +30,7 @@ from modalscope.data import (
     StoredSignals,
 )
 from modalscope.data.shown import summary_of
+from modalscope.numerics.errors import as_read
 
 ArrayData: TypeAlias = FrequencyResponse | ImpulseResponse | Signals | ModalModel | Geometry | StateSpace
 DataObject: TypeAlias = ArrayData | StoredSignals | StoredResponse | StabilizationDiagram
@@ -207,7 +208,7 @@ class Survey(Contents):
         lines += [f"  {line}" for line in _grouped(self.found)]
         lines += [f"missing: {text}" for text in self.missing]
         lines += [f"note: {text}" for text in self.notes]
-        return "\n".join(lines)
+        return as_read("\n".join(lines))
 
 
 def _grouped(findings: tuple[Finding, ...]) -> list[str]:

@@ -169,7 +169,7 @@ def with_places(contents: Contents, exact: bool) -> Contents:
         (label, ((node, vector),)), *_ = motions.items()
         axis = "XYZ"[int(np.argmax(np.abs(vector)))]
         text = f"{len(motions)} channels belong to nodes by their number ({label}: node {node}, {'-' if min(vector) < 0 else '+'}{axis})"
-        text += "; if that is wrong: exact_nodes=True, --exact-nodes"
+        text += "; if that is wrong: --exact-nodes"
         contents = replace(contents, thing=data, notes=(*contents.notes, text))
     points = max(data.output_dofs, inputs, key=len)  # of a roving hammer the inputs
     lost = [label for label in points if not placed.motion_of(label)]

@@ -17,7 +17,7 @@ import numpy as np
 from modalscope.data import DataError
 from modalscope.io.contents import unreadable
 from modalscope.numerics.checks import Array
-from modalscope.numerics.resources import set_allowed_memory
+from modalscope.numerics.resources import in_words, set_allowed_memory
 
 #: What a user does who trusts a file.
 RAISE_THE_LIMIT = "If you trust the file, raise the limit: --max-memory, or modalscope.io.set_max_memory."
@@ -81,15 +81,15 @@ class Room:
     def in_time(self) -> None:
         """Refuse to go on with a file that has taken more of the processor than one of its size may."""
         if thread_time() > self.ends:
-            fault = f"reading it takes more of the processor than a file of {_words(self.size)} may"
+            fault = f"reading it takes more of the processor than a file of {in_words(self.size)} may"
             raise unreadable(self.where, fault, RAISE_THE_LIMIT)
 
     def take(self, what: str, count: int) -> None:
         """Use up so many bytes, or raise a `DataError` that names what asked for them."""
         self.in_time()
         if count > self.left:
-            sizes = f"{_words(self.size)} may take {_words(self.left)} more"
-            fault = f"{what} would take {_words(count)} of memory, and a file of {sizes}"
+            sizes = f"{in_words(self.size)} may take {in_words(self.left)} more"
+            fault = f"{what} would take {in_words(count)} of memory, and a file of {sizes}"
             raise unreadable(self.where, fault, RAISE_THE_LIMIT)
         self.left -= count
 
@@ -135,10 +135,3 @@ def room(where: str, size: int) -> Room:
         return Room(where, size, _max_memory // _COPIES)
     seconds = max(_MIN_SECONDS, size / _BYTES_BY_SECOND)
     return Room(where, size, max(_MIN_BYTES, _BYTES_BY_SIZE * size) // _COPIES, thread_time() + seconds)
-
-
-def _words(count: int) -> str:
-    for unit, size in (("GB", 10**9), ("MB", 10**6), ("kB", 10**3)):
-        if count >= size:
-            return f"{count / size:.3g} {unit}"
-    return f"{count} bytes"

@@ -199,7 +199,7 @@ def _along_one_axis(
         return data
     kept = {name: array for name, array in along(best).items() if not _is_spectrum(name)}
     evidence.rest = (*(axis[0] for axis in axes if axis is not best), *(name for name in data if name not in kept))
-    words = f"{', '.join(axis[0] for axis in others)} and {len(data) - len(kept)} arrays that are not along {best[0]} were left"
+    words = f"{', '.join(axis[0] for axis in others)} and {len(data) - len(kept)} arrays that are not along {best[0]} ignored"
     evidence.notes = (f"{words} (else: --ignore {best[0]})",)
     return kept
 
@@ -260,7 +260,7 @@ def _lines(evidence: _Evidence, axis: tuple[str, str, Array]) -> Meant | None:
             response["coherence"] = np.minimum(arrays[other], 1).reshape(values.shape)
             unused.remove(other)
         else:
-            notes.append(f"{other} was left: a coherence lies between 0 and 1")
+            notes.append(f"{other} ignored: values outside 0..1, no coherence")
     return Meant(arrays=response, left=(*unused, *evidence.rest), notes=(*evidence.notes, *notes))
 
 
@@ -296,9 +296,7 @@ def _samples(evidence: _Evidence, options: Options) -> Meant | None:
     plain = {f"{name} {a.shape}": a.squeeze().shape for name, a in measured.items()}
     turned = [name for name, shape in plain.items() if len(shape) == 2 and shape[0] != count]
     notes = [f"samples stand along the last axis of {', '.join(turned)}"] if turned and not transpose else []
-    if others:
-        verb = "was" if len(others) == 1 else "were"
-        notes.append(f"{', '.join(others[:6])} {verb} left: no axis has {count} samples")
+    notes += [f"{', '.join(others[:6])} ignored: no axis has {count} samples"] if others else []
     evidence.notes, evidence.rest = (*evidence.notes, *notes), (*evidence.rest, *others)
     forces = [name for name in arrays if _is_input(name)]
     if any(array.ndim > 3 for array in arrays.values()):

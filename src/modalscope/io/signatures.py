@@ -71,7 +71,12 @@ def _of_members(path: Path) -> str:
     try:
         with zipfile.ZipFile(path) as archive:
             names = archive.namelist()
-    except (OSError, ValueError, RuntimeError, zipfile.BadZipFile):  # RuntimeError: a version of zip that Python does not know
+    except (
+        OSError,
+        ValueError,
+        RuntimeError,
+        zipfile.BadZipFile,
+    ):  # RuntimeError: a version of zip that Python does not know
         return ""
     if "[Content_Types].xml" in names:
         return ".xlsx" if any(name.startswith("xl/") for name in names) else ""

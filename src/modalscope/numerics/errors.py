@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
+from contextvars import ContextVar
 from difflib import get_close_matches
 from importlib import import_module
 from typing import Any
@@ -43,13 +44,16 @@ def _within(parts: Iterable[str], limit: int) -> list[str]:
     return kept
 
 
+#: Whether who reads has the terminal, or its page: options stay as they are typed there.
+AT_TERMINAL: ContextVar[bool] = ContextVar("at_terminal", default=False)
+
 #: An option of the terminal, words that may be its values, and whether another option follows.
 _VALUE = r"""(?:'[^']*'|"[^"]*"|[^\s;()'"]*[^\s,;().:'"])"""
 _OPTION = re.compile(rf"(?<![^\s(])--([a-z][a-z-]*)((?: (?!--|or\b|and\b){_VALUE})*)((?= --))?")
 _BARE = re.compile(r"[A-Z]+|-?\d+(\.\d+)?(e[-+]?\d+)?")
 
 #: Options that Python writes otherwise: without a value or under another name, or with brackets around their values.
-_NAMES = {name: f"{name}=True" for name in ("transpose", "conjugate", "exact_nodes")}
+_NAMES = {name: f"{name}=True" for name in ("transpose", "conjugate", "exact_nodes", "allow_outside")}
 _NAMES |= {"no_reciprocal": "reciprocal=False", "max_memory": "modalscope.io.set_max_memory", "test": "sheet"}
 _BRACKETS = {**dict.fromkeys(("ignore", "exclude", "input_dofs", "output_dofs"), "[]"), "band": "()"}
 _BRACKETS |= dict.fromkeys(("units", "rename", "axes", "delays"), "{}")
@@ -72,6 +76,11 @@ def in_python(text: str) -> str:
     parts[::2] = [_OPTION.sub(_argument, part) for part in parts[::2]]
     joined = "".join(parts).replace("], ignore=[", ", ").replace("}, rename={", ", ")
     return re.sub(r"(\S+=\S+|modalscope\S+), or \1(?=\W|$)", r"\1", joined)
+
+
+def as_read(text: str) -> str:
+    """Return a message in the words of who reads it: of the terminal as it stands (`AT_TERMINAL`), else with the arguments of Python."""
+    return text if AT_TERMINAL.get() else in_python(text)
 
 
 def _argument(option: re.Match[str]) -> str:
@@ -99,7 +108,7 @@ class DataError(ValueError):
 
     The message names the fault first, then what there is, then the remedy: what ends in "was asked" is its subject alone. It is
     printable, and cut in the middle of its longest part where it has more than 600 characters. Remedies may name options of the
-    terminal: `args[0]` and the three parts have them, for print and page; the text has the arguments of Python.
+    terminal: `args[0]` and the three parts have them, for print and page; in Python the text has its arguments (`as_read`).
 
     Parameters
     ----------
@@ -126,7 +135,7 @@ class DataError(ValueError):
         super().__init__(f"{self.fault}.\n{change}" if text is None else text)
 
     def __str__(self) -> str:
-        return in_python(self.args[0])
+        return as_read(self.args[0])
 
     @property
     def fault(self) -> str:
@@ -175,9 +184,7 @@ def check_option_names(
     modalscope.numerics.errors.DataError: identify() has no option 'blok_rows'; did you mean 'block_rows'?
     """
     options, elsewhere = list(dict.fromkeys(known)), dict(owners or {})
-    for name in given:
-        if name in options:
-            continue
+    for name in [name for name in given if name not in options]:
         call = verb if verb.endswith(")") else f"{verb}()"
         found = f"{call} has no option {name!r}"
         usual = _USUAL_NAMES.get(name.lower(), "")
@@ -202,6 +209,5 @@ def optional_package(asked: str, package: str, extra: str, name: str | None = No
     try:
         return import_module(package)
     except ImportError:
-        raise DataError(
-            f"{asked} was asked", f"{name or package} is not installed", f"Run: pip install 'modalscope[{extra}]'"
-        ) from None
+        fault = f"{name or package} is not installed"
+        raise DataError(f"{asked} was asked", fault, f"Run: pip install 'modalscope[{extra}]'") from None

@@ -85,9 +85,8 @@ def working(
     ...     pass  # estimate_correlation of a stored record tells here how far it is
     """
     if client is not None and not all(hasattr(client, name) for name in ("submit", "cancel", "nthreads")):
-        raise DataError(
-            "client needs to be a Dask client", f"it is {type(client).__name__}", "Give distributed.Client(address)."
-        )
+        have = f"it is {type(client).__name__}"
+        raise DataError("client needs to be a Dask client", have, "Give distributed.Client(address).")
     outer = executor()
     token = _executor.set(
         Executor(

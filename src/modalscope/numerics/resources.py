@@ -133,9 +133,9 @@ def in_words(size: float) -> str:
     >>> in_words(1234), in_words(5.6e6), in_words(7.89e10)
     ('1 kB', '6 MB', '78.9 GB')
     """
-    if size < 1e6:
-        return f"{size / 1e3:.0f} kB"
-    return f"{size / 1e6:.0f} MB" if size < 1e9 else f"{size / 1e9:.3g} GB"
+    small = f"{size:.0f} bytes" if size < 1e3 else f"{size / 1e3:.0f} kB"
+    large = f"{size / 1e6:.0f} MB" if size < 1e9 else f"{size / 1e9:.1f} GB"
+    return small if size < 1e6 else large
 
 
 def scratch(numbers: int, dtype: Any = float) -> Any:

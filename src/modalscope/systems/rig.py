@@ -90,7 +90,7 @@ class HardeningRig:
             Not as many forces as frequencies.
         """
         F, f = (real_array(name, x, "(dwells,)", 1) for name, x in (("forces", forces), ("frequencies", frequencies)))
-        check_shape("forces", F, "one a frequency", f.shape)
+        check_shape("forces", F, "one per frequency", f.shape)
         check_kind("seed", seed, (int, np.random.Generator))
         rng, h = np.random.default_rng(seed), 1 / sampling_rate / _STEPS
         state, found = np.zeros((2, f.size, 2)), np.empty((round(duration * sampling_rate), f.size, 2))

@@ -316,7 +316,7 @@ def test_files_are_added_once_with_their_times_and_what_was_measured(store: Stor
     assert store.add(tmp_path, **few) == 1
     assert store.add((path for path in files), **few) == 0
     assert store.add([]) == 0
-    with pytest.raises(DataError, match=r"times.*one a file"):
+    with pytest.raises(DataError, match=r"times.*one per file"):
         store.add(files, times=[0.0])
     with pytest.raises(DataError, match=r"air.*one value a file"):
         store.add(files, covariates={"air": [1.0]})

@@ -23,7 +23,7 @@ def written(folder: Path, *records: ms.Signals) -> list[Path]:
 
 
 def told(notes: tuple[ms.data.Note, ...]) -> str:
-    return "; ".join(map(str, notes))
+    return "; ".join(note.text for note in notes)
 
 
 def test_labels_of_places_that_a_user_gives_stay(tmp_path: Path) -> None:

@@ -85,4 +85,4 @@ def test_remedies_of_errors_are_options_of_reading_and_columns_add_up() -> None:
     once = acted(document, "remedy", {"options": {"ignore": ["3"]}})
     again = acted(once, "remedy", {"options": {"ignore": ["5"], "sampling_rate": 100.0}})
     assert again.files[0].reading == {"ignore": ["3", "5"], "sampling_rate": 100.0}
-    refused("the page knows", acted, document, "remedy", {"options": {"geometry": "/etc/passwd"}})
+    refused("the page sets", acted, document, "remedy", {"options": {"geometry": "/etc/passwd"}})

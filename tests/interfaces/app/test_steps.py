@@ -78,7 +78,7 @@ def test_every_kind_of_data_is_shown_and_gives_the_modes_of_replay(kind: str, tm
     assert shown == list(zip(again.diagram.frequencies, again.diagram.damping_ratios, strict=True))
     assert run.head("overview")["span"][1] > 7
     assert run.head("poles")["orders"] == list(again.diagram.orders)
-    assert run.stages.channel(0, 0)[:4] != b""
+    assert TASKS["channel"](run.stages, None, 0, 0)[:4] != b""
     assert "ms.analyze(" in result_head(run.stages.finished())["script"]
 
 
@@ -114,7 +114,11 @@ def test_bands_that_overlap_are_shown_one_behind_the_other(tmp_path: Path) -> No
     run.run(Analysis(files=(source_of_file(path, {}),), orders=(8, 12, 16), bands=((0.4, 3.4), (3.4, 7.5))))
     assert run.head("poles")["bands"] == [[0.4, 3.4], [3.4, 7.5]]
     poles = blob_of(run, "poles")
-    for lines in (lines_of(run.stages.channel(0, 0)), lines_of(poles, "cmif_lines"), lines_of(poles, "spectra_lines")):
+    for lines in (
+        lines_of(TASKS["channel"](run.stages, None, 0, 0)),
+        lines_of(poles, "cmif_lines"),
+        lines_of(poles, "spectra_lines"),
+    ):
         assert np.all(np.diff(lines) > 0)
         assert 0.4 <= lines[0] < lines[-1] <= 7.5
 
@@ -131,7 +135,7 @@ def test_two_bands_are_shown_together(tmp_path: Path) -> None:
     assert len(run.head("poles")["bands"]) == 2
     assert len(run.head("modes")["modes"]) == 5
     assert np.max(run.head("modes")["fits"]) < 0.2
-    assert np.all(np.diff(lines_of(run.stages.channel(0, 0))) > 0)
+    assert np.all(np.diff(lines_of(TASKS["channel"](run.stages, None, 0, 0))) > 0)
     report = TASKS["export"](run.stages, None, ".html", str(tmp_path / "a.html")).read_text(encoding="utf-8")
     for band in run.head("poles")["bands"]:
         assert f"Measured and rebuilt responses, {band[0]:.4g} to {band[1]:.4g} Hz</h2>" in report

@@ -34,7 +34,7 @@ def written(path: Path, **blank: slice) -> Path:
         (slice(0, 0), 400, 3, ""),
         (slice(0, 60), 340, 3, "rows 61 to 400 of 400 are taken, 15 % are lost: column 4, 'az'"),
         (slice(300, None), 300, 3, "rows 1 to 300 of 400 are taken, 25 % are lost: column 4, 'az'"),
-        (slice(266, None), 400, 2, "column 4, 'az' [m/s^2] is left: with it 33.5 % of the rows would be lost"),
+        (slice(266, None), 400, 2, "column 4, 'az' [m/s^2] ignored: with it 33.5 % of the rows would be lost"),
         (slice(267, None), 267, 3, "rows 1 to 267 of 400 are taken, 33.2 % are lost"),
         (slice(0, 205), 400, 2, "195 of 400 have it"),
         (slice(None), 400, 2, "column 4 (az) is empty"),

@@ -80,14 +80,13 @@ def test_responses_at_several_places_are_told_apart_too() -> None:
     same, told = label_by_place(parts[::2], ["a", "c"])
     assert same == parts[::2]
     assert "2 files were driven at one place (amplitudes at" in str(told[0])
-    assert str(told[0]).endswith("If places: --input-dofs 1 2")
+    assert told[0].text.endswith("If places: --input-dofs 1 2")
 
 
 def test_many_files_of_one_place_are_not_all_counted_in_the_remedy() -> None:
     parts = [hits(0, count=1, seed=k) for k in range(13)]
-    assert str(label_by_place(parts, [str(k) for k in range(13)])[1][0]).endswith(
-        "--input-dofs with 13 labels, one per file"
-    )
+    (note,) = label_by_place(parts, [str(k) for k in range(13)])[1]
+    assert note.text.endswith("13 labels, one per file: --input-dofs")
 
 
 def test_what_data_say_against_the_names_of_a_user_is_told() -> None:
@@ -215,7 +214,7 @@ def test_a_gain_is_scatter_up_to_a_third_then_another_size_and_a_sign_another_pl
 def test_a_file_of_another_size_is_named_and_few_resonances_are_told() -> None:
     f = np.linspace(1, 20, 4000)
     for rows, text in (
-        (([1.0] * 6, [1.0] * 6, [2.0] * 6), "but c is 2 times as large (overload, range or unit?): taken as one"),
+        (([1.0] * 6, [1.0] * 6, [2.0] * 6), "but c is 2 x as large (overload, range or unit?): taken as one"),
         (
             ([1.0, 1.0], [1.0, 0.9], [1.0, 1.0]),
             "3 files look like one place (amplitudes at only 2 resonances differ by",

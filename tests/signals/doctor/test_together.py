@@ -115,7 +115,7 @@ def test_channels_of_one_event_are_named_after_their_files_and_repeats_are_not()
     assert [part.output_dofs for part in named] == [("A",), ("B",), ("C",)]
     assert notes
     (said,) = as_one_event(made, ["run1", "run2", "run3"], [0.0] * 3, runs=True)[1]
-    assert said.text == "3 files of one channel are taken as runs of it; if sensors of one event: --output-dofs 1 2 3"
+    assert said.text == "3 files of one channel, taken as its runs; if sensors of one event: --output-dofs 1 2 3"
     alone = [
         ms.Signals(outputs=_RNG.standard_normal((4000, 1)), sampling_rate=100.0, output_dofs=["col1"]) for _ in range(3)
     ]

@@ -20,7 +20,7 @@ from modalscope.data.records import Signals
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
 from modalscope.data.sameness import same_modes
-from modalscope.data.shown import Shown, counted, summary_of, text_table
+from modalscope.data.shown import Shown, counted, figures, summary_of, text_table
 from modalscope.identification.method_names import find_method
 from modalscope.identification.pipeline import factor
 from modalscope.identification.prepare import Measured, pose
@@ -464,9 +464,9 @@ def _why(modes: ModalModel, told: Calibration, j: int, i: int, word: str, given:
     bias, ratio, cover = (float(part[j, i]) for part in (told.bias, told.ratio, told.coverage))
     reasons = []
     if not abs(bias) < LARGEST_BIAS:
-        reasons.append(f"bias {bias:.2g} standard deviations")
+        reasons.append(f"bias {figures(bias, 2)} standard deviations")
     if not RATIOS[0] <= ratio <= RATIOS[1]:
-        reasons.append(f"scatter {ratio:.2g} times the predicted")
+        reasons.append(f"scatter {figures(ratio, 2)} times the predicted")
     if not cover >= LEAST_COVERAGE:
         reasons.append(f"coverage {100 * cover:.0f} % instead of 95 %")
     if np.isnan(cover):

@@ -12,7 +12,7 @@ from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.response import Response
 from modalscope.data.setups import as_test
-from modalscope.data.shown import Shown, summary_of
+from modalscope.data.shown import Shown, figures, percent, summary_of
 from modalscope.data.statespace import StateSpace
 from modalscope.identification.prepare import measure
 from modalscope.numerics.arguments import named
@@ -63,7 +63,7 @@ class Validation(Shown):
         """Return one line for each part that was left out, and the residual of all."""
         lines = [f"{'left out':12s} {'fit error %':>12s} {'fitted too %':>13s}"]
         for name, out, held in zip(self.parts, self.fit_errors, self.fit_errors_with, strict=True):
-            lines.append(f"{name:12s} {100 * out:12.3g} {100 * held:13.3g}")
+            lines.append(f"{name:12s} {figures(100 * out):>12s} {figures(100 * held):>13s}")
         return "\n".join([*lines, *map(str, self.notes)])
 
 
@@ -182,8 +182,8 @@ def _told(labels: tuple[str, ...], out: RealArray, held: RealArray, seen: Colour
     worst = int(np.argmax(out / np.maximum(held, 1e-300)))
     residual = f"not white (lag-1 correlation {seen.correlation:.2g})" if seen.coloured else "white"
     text = (
-        f"Median fit error {100 * np.median(out):.3g} % of parts left out, {100 * np.median(held):.3g} % of fitted ones; "
-        f"worst {labels[worst]}, {100 * out[worst]:.3g} against {100 * held[worst]:.3g} %; residual of all {residual}"
+        f"Median fit error {percent(np.median(out))} of parts left out, {percent(np.median(held))} of fitted ones; "
+        f"worst {labels[worst]}, {figures(100 * out[worst])} against {percent(held[worst])}; residual of all {residual}"
     )
     return (Note("validation", {"out": float(np.median(out)), "with": float(np.median(held))}, text),)
 
@@ -191,5 +191,5 @@ def _told(labels: tuple[str, ...], out: RealArray, held: RealArray, seen: Colour
 @summary_of.register
 def _(found: Validation) -> str:
     out, held = (100 * float(np.median(part)) for part in (found.fit_errors, found.fit_errors_with))
-    left = f"{out:.3g} % is left where left out and {held:.3g} % where fitted (medians)"
+    left = f"{figures(out)} % unexplained where left out, {figures(held)} % where fitted (medians)"
     return f"validation: of {len(found.parts)} parts {left}; residual {'white' if found.white else 'coloured'}"

@@ -37,7 +37,7 @@ from modalscope.data.response import Response
 from modalscope.data.responses import FrequencyResponse, ImpulseResponse
 from modalscope.data.results import Result
 from modalscope.data.setups import Setups, as_test
-from modalscope.data.shown import Shown, cells_of, summary_of, text_table
+from modalscope.data.shown import Shown, cells_of, figures, summary_of, text_table
 from modalscope.identification.method import checked_orders
 from modalscope.identification.options import AllOptions
 from modalscope.numerics.arguments import named
@@ -216,7 +216,7 @@ class Comparison(Shown):
 def _value(group: Group, name: str) -> str:
     if name not in group.members:
         return "-"
-    return f"{group.frequencies[name]:.5g} / {100 * group.damping_ratios[name]:.3g}"
+    return f"{group.frequencies[name]:.5g} / {figures(100 * group.damping_ratios[name])}"
 
 
 @summary_of.register

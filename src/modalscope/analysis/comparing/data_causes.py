@@ -30,6 +30,7 @@ from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
 from modalscope.data.sameness import same_modes
 from modalscope.data.setups import Setups
+from modalscope.data.shown import figures, percent
 from modalscope.identification.prepare import Measured, pose
 from modalscope.identification.stabilize import stabilized
 from modalscope.numerics.checks import Array
@@ -108,7 +109,7 @@ def channel_causes(response: Response, rebuilt: Array, poles: Array, best: float
         median = float(np.median(error))
         for i in np.flatnonzero(error > max(_BAD_FIT, _BAD_RATIO * median)):
             evidence = (
-                f"{side} {labels[i]}: fit error {100 * error[i]:.0f} %, median of the channels {100 * median:.2g} %"
+                f"{side} {labels[i]}: fit error {100 * error[i]:.0f} %, median of the channels {percent(median, 2)}"
             )
             causes.append(Cause("bad channel", evidence, labels[i]))
     return causes + _reversed_response(response, poles)
@@ -137,7 +138,7 @@ def _reversed_response(response: Response, poles: Array) -> list[Cause]:
     # with two inputs the two responses of a sensor cannot be distinguished
     candidates = np.argwhere(after <= 1.5 * best + 1e-12)
     pairs = (f"output {response.output_dofs[o]} with input {response.input_dofs[i]}" for o, i in candidates[:4])
-    change = f"from {100 * before:.2g} to {100 * best:.2g} %"
+    change = f"from {figures(100 * before, 2)} to {percent(best, 2)}"
     evidence = f"{' or '.join(pairs)}: the opposite sign lowers what one shape a mode cannot explain {change}"
     return [Cause("swapped sign", evidence, response.output_dofs[int(candidates[0, 0])])]
 
@@ -172,7 +173,7 @@ def _still_falls(diagram: StabilizationDiagram) -> str:
         return ""
     error, fall = float(errors.min()), float(errors.min() / errors[below].min())
     pairs = max((orders[-1] - orders[below][-1]) / 2, 1.0)
-    lead = f"fit error {100 * error:.2g} % at order {orders[-1]}"
+    lead = f"fit error {percent(error, 2)} at order {orders[-1]}"
     if fall ** (1 / pairs) < _FALL_OF_TWO_STATES:
         return f"{lead}, still falling by {100 * (1 - fall ** (1 / pairs)):.0f} % with every two states"
     if error > _LARGE_ERROR and fall < _FALL_OF_LAST_QUARTER:

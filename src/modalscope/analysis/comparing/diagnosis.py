@@ -34,6 +34,7 @@ from modalscope.analysis.comparing.agreement import Group
 from modalscope.analysis.comparing.run import MethodResult
 from modalscope.analysis.comparing.scatter import Biased, Scatter
 from modalscope.data.response import Response, line_step
+from modalscope.data.shown import figures, percent
 from modalscope.identification.suits import rows_span
 from modalscope.selection.judging.evidence import LEAST_PEAK, LEAST_SIGNAL
 
@@ -135,7 +136,7 @@ def mode_causes(
 
 def _heavy(case: _Case) -> Cause | None:
     zeta = case.group.damping
-    return Cause("heavy damping", f"damping ratio {100 * zeta:.3g} %") if zeta > HEAVY else None
+    return Cause("heavy damping", f"damping ratio {percent(zeta)}") if zeta > HEAVY else None
 
 
 def _half(case: _Case, group: Group) -> float:
@@ -152,8 +153,8 @@ def _close(case: _Case) -> Cause | None:
         return None
     o = min(near, key=lambda o: abs(o.frequency - g.frequency))
     distance = 100 * abs(o.frequency - g.frequency) / g.frequency
-    widths = f"half bandwidths {_half(case, g):.2g} and {_half(case, o):.2g} Hz"
-    return Cause("close pair", f"{o.frequency:.5g} Hz is {distance:.2g} % away, {widths}")
+    widths = f"half bandwidths {figures(_half(case, g), 2)} and {figures(_half(case, o), 2)} Hz"
+    return Cause("close pair", f"{o.frequency:.5g} Hz is {figures(distance, 2)} % away, {widths}")
 
 
 def _reasons(case: _Case, key: str) -> list[float]:
@@ -172,7 +173,7 @@ def _weak(case: _Case) -> Cause | None:
     if part >= LEAST_PEAK and level >= _WEAK_SIGNAL:
         return None
     evidence = [f"{100 * min(part, 1.0):.0f} % of the response at its frequency"] if part < LEAST_PEAK else []
-    evidence += [f"{level:.3g} standard deviations above the noise"] if level < _WEAK_SIGNAL else []
+    evidence += [f"{figures(level)} standard deviations above the noise"] if level < _WEAK_SIGNAL else []
     return Cause("weak mode", ", ".join(evidence))
 
 
@@ -183,7 +184,7 @@ def _edge(case: _Case) -> Cause | None:
     distance, width = min(g.frequency - f[0], f[-1] - g.frequency), 2 * _half(case, g)
     if distance > width:
         return None
-    evidence = f"{distance:.3g} Hz inside the band {f[0]:.5g} to {f[-1]:.5g} Hz, bandwidth {width:.2g} Hz"
+    evidence = f"{figures(distance)} Hz inside the band {f[0]:.5g} to {f[-1]:.5g} Hz, bandwidth {figures(width, 2)} Hz"
     return Cause("edge of the band", evidence)
 
 
@@ -191,7 +192,7 @@ def _lines(case: _Case) -> Cause | None:
     step, width = line_step(case.response), 2 * _half(case, case.group)
     if width >= _MIN_LINES * step:
         return None
-    return Cause("too few lines", f"bandwidth {width:.2g} Hz, lines every {step:.2g} Hz")
+    return Cause("too few lines", f"bandwidth {figures(width, 2)} Hz, lines every {figures(step, 2)} Hz")
 
 
 def _blocks(case: _Case) -> Cause | None:
@@ -201,7 +202,7 @@ def _blocks(case: _Case) -> Cause | None:
     if not spans or min(spans)[0] * case.group.frequency >= 1:
         return None
     span, count = min(spans)
-    return Cause("too few blocks", f"{count} block rows span {span * case.group.frequency:.2g} periods")
+    return Cause("too few blocks", f"{count} block rows span {figures(span * case.group.frequency, 2)} periods")
 
 
 def _transformed(case: _Case) -> Cause | None:
@@ -249,7 +250,7 @@ def _bias(biased: Mapping[str, Sequence[Biased]], labels: Mapping[str, str]) -> 
     pairs = ((name, b) for name, values in biased.items() for b in values)
     name, worst = max(pairs, key=lambda pair: abs(pair[1].deviations))
     others = f"; {len(biased) - 1} more methods beyond the noise" if len(biased) > 1 else ""
-    distance = f"{abs(worst.deviations):.3g} standard deviations off"
+    distance = f"{figures(abs(worst.deviations))} standard deviations off"
     return (Cause("bias", f"{worst.kind} by {labels[name]} is {distance}{others}"),)
 
 
@@ -268,11 +269,11 @@ def _differing(
         words = []
         for b in biased.get(r.name, ()):
             value = f"frequency {f:.7g} Hz" if b.kind == "frequency" else f"damping {100 * zeta:.4g} %"
-            words.append(f"{value} ({abs(b.deviations):.3g} standard deviations of the difference)")
+            words.append(f"{value} ({figures(abs(b.deviations))} standard deviations of the difference)")
         if r.name not in known and abs(f - group.frequency) > _MIN_FREQUENCY_ERROR * group.half_bandwidth:
             words.append(f"frequency {f:.6g} Hz")
         if r.name not in known and abs(zeta - group.damping) > _MIN_DAMPING_ERROR * group.damping:
-            words.append(f"damping {100 * zeta:.3g} %")
+            words.append(f"damping {percent(zeta)}")
         if like < 1 - _MIN_SHAPE_ERROR:
             words.append(f"MAC {like:.2f}")
         if words:

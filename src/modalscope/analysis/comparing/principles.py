@@ -17,7 +17,7 @@ from modalscope.analysis.comparing.agreement import Group
 from modalscope.analysis.comparing.identities import Identity
 from modalscope.analysis.comparing.kinship import Kinship
 from modalscope.analysis.comparing.run import MethodResult
-from modalscope.data.shown import counted
+from modalscope.data.shown import counted, figures
 from modalscope.identification.method import Method
 from modalscope.identification.table_beyond import DOMAINS
 
@@ -116,7 +116,7 @@ def _why(kin: Kinship, members: Sequence[int], identities: Sequence[Identity]) -
         nearest = min(others, key=lambda k: float(distances[k]), default=None)
         if nearest is None:
             return "the only method"
-        return f"nearest to {kin.labels[nearest]}, whose poles differ by {distances[nearest]:.2g} {unit}"
+        return f"nearest to {kin.labels[nearest]}, whose poles differ by {figures(distances[nearest], 2)} {unit}"
     apart = f"poles alike within {float(np.max(kin.distances[np.ix_(members, members)])):.0e} {unit}"
     rows = {(kin.methods[i].name, kin.methods[i].domain) for i in members} if kin.methods else set()
     for identity in identities:

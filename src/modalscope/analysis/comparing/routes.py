@@ -31,6 +31,7 @@ from modalscope.data.rebuilt import explains_enough
 from modalscope.data.record_residual import UNMEASURED
 from modalscope.data.records import Records, Signals
 from modalscope.data.response import Response, line_step
+from modalscope.data.shown import figures, percent
 from modalscope.identification.method import STATES, Method, checked_orders
 from modalscope.identification.method_names import find_method, methods, rows_of
 from modalscope.identification.orders import orders_compared
@@ -190,7 +191,7 @@ def route_causes(results: Sequence[MethodResult]) -> tuple[tuple[MethodResult, .
     durations = [max(d) for r in results if r.diagram and (d := getattr(r.diagram.response, "durations", None))]
     decays = 2 * np.pi * half * max(durations) if half is not None and durations else np.inf
     if decays < _MIN_DECAYS:
-        evidence = f"{max(durations):.3g} s are {decays:.2g} decay times of the narrowest mode"
+        evidence = f"{figures(max(durations))} s are {figures(decays, 2)} decay times of the narrowest mode"
         return tuple(judged), [*causes.values(), Cause("too short", evidence)]
     return tuple(judged), list(causes.values())
 
@@ -203,7 +204,7 @@ def _insufficient(result: MethodResult, usual: MethodResult) -> Cause | None:
         return None
     route = f"route {result.route} by {result.label}"
     if not explains_enough(result.fit_error):
-        return Cause("poor fit", f"the modes of {route} leave {100 * result.fit_error:.3g} % unexplained")
+        return Cause("poor fit", f"the modes of {route} leave {percent(result.fit_error)} unexplained")
     most, needed = max(result.diagram.orders, default=0) if result.diagram else 0, 2 * len(usual.modes)
     if most < needed:
         return Cause("too few blocks", f"{route} has orders up to {most}, {len(usual.modes)} modes need {needed}")
@@ -224,4 +225,4 @@ def _leaks(result: MethodResult, half: float | None) -> str:
     windowed = any("window" in step and "no window" not in step for step in result.diagram.response.processing)
     if not step or not windowed or _MIN_LINES * step <= half:
         return ""
-    return f"lines of the segments are {step:.2g} Hz apart, the minimum half bandwidth of the modes is {half:.2g} Hz"
+    return f"lines of the segments are {figures(step, 2)} Hz apart, the minimum half bandwidth of the modes is {figures(half, 2)} Hz"

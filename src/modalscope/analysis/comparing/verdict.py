@@ -22,7 +22,7 @@ from modalscope.analysis.comparing.diagnosis import Cause
 from modalscope.analysis.comparing.run import MethodResult
 from modalscope.analysis.comparing.scatter import Scatter
 from modalscope.data.records import Signals
-from modalscope.data.shown import percent
+from modalscope.data.shown import figures, percent
 from modalscope.selection.judging.grades import GRADES, Grade
 
 #: What is said of a mode.
@@ -137,7 +137,7 @@ def _difference(
     if votes < _MIN_VOTES * voters or votes < min(2, voters):
         return " only"
     if scatter[0] > _MAX_FREQUENCY_SCATTER * group.half_bandwidth:
-        return f", whose frequencies scatter by ±{scatter[0]:.2g} Hz"
+        return f", whose frequencies scatter by ±{figures(scatter[0], 2)} Hz"
     if scatter[1] > _MAX_DAMPING_SCATTER * group.damping:
         return f", whose damping scatters by ±{100 * scatter[1] / group.damping:.0f} %"
     # comparisons with what is not known are false
@@ -164,7 +164,7 @@ def words(
         count = f"all {len(groups)}" if len(agreed) == len(groups) > 1 else f"{len(agreed)} of {len(groups)}"
         shares = {k: scatter.damping[k] / groups[k].damping for k in agreed if np.isfinite(scatter.damping[k])}
         worst = max(shares, key=lambda k: shares[k], default=None)
-        widest = "" if worst is None else f"±{100 * shares[worst]:.2g} % at {groups[worst].frequency:.5g} Hz"
+        widest = "" if worst is None else f"±{percent(shares[worst], 2)} at {groups[worst].frequency:.5g} Hz"
         lines = [
             f"Methods agree on {count} modes: {listed} Hz.{widest and f' Widest damping interval of these: {widest}.'}"
         ]

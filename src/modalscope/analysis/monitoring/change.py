@@ -21,7 +21,7 @@ from scipy.special import betaincinv, chdtri, stdtrit
 from modalscope.analysis.monitoring.tracking import followed, went
 from modalscope.analysis.monitoring.tracks import Explained, Tracks, explain
 from modalscope.analysis.monitoring.weather import inflation, inside_of
-from modalscope.data.shown import Shown, summary_of
+from modalscope.data.shown import Shown, percent, summary_of
 from modalscope.numerics.arguments import POSITIVE, at_least, named
 from modalscope.numerics.checks import BoolArray, IntArray, RealArray
 from modalscope.numerics.errors import DataError
@@ -109,7 +109,7 @@ class Alarm:
     def __str__(self) -> str:
         when = [_when(t, "m").replace("T", " ") for t in (self.time, self.change, *self.interval)]
         changes = [
-            f"{name} {100 * self.shifts[name]:+.3g} +- {100 * self.shifts_std[name]:.2g} %" for name in self.tracks
+            f"{name} {100 * self.shifts[name]:+.3g} +- {percent(self.shifts_std[name], 2)}" for name in self.tracks
         ]
         for name, f in self.lost.items():
             changes.append(f"{name} is not found" + ("" if np.isnan(f) else f", it may be at {f:.4g} Hz"))

@@ -531,7 +531,7 @@ class Store:
 def _each_second(times: Any, count: int) -> list[float]:
     """Return the times of so many files as seconds since 1970."""
     when = np.atleast_1d(as_times("times", times))
-    check_shape("times", when, "one a file", (count,))
+    check_shape("times", when, "one per file", (count,))
     return [float(t) / 1000 for t in when.astype(np.int64)]
 
 

@@ -25,6 +25,7 @@ from modalscope.analysis.monitoring.likelihood import (
 )
 from modalscope.analysis.monitoring.tracks import Tracks, chosen
 from modalscope.data.sameness import log_ratios
+from modalscope.data.shown import figures
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import BoolArray, ComplexArray, IntArray, RealArray
 from modalscope.numerics.errors import DataError
@@ -518,5 +519,5 @@ def _notes(tracks: Tracks) -> tuple[str, ...]:
         known = stated[np.isfinite(stated[:, k]), k]
         if known.size >= _OWN and not tracks.believed[k]:
             ratio = np.median(known) / tracks.scatter[k]
-            said.append(f"{name}: stated deviations are {ratio:.2g} times the scatter, which is used")
+            said.append(f"{name}: stated deviations are {figures(ratio, 2)} times the scatter, which is used")
     return tuple(said)

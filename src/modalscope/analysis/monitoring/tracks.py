@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from modalscope.analysis.monitoring.history import History
 from modalscope.analysis.monitoring.weather import Regression, in_common, inside_of, regression, spread
-from modalscope.data.shown import Shown, summary_of, text_table
+from modalscope.data.shown import Shown, figures, summary_of, text_table
 from modalscope.numerics.arguments import NUMBER, named
 from modalscope.numerics.checks import BoolArray, ComplexArray, IntArray, RealArray, check_shape, real_array
 from modalscope.numerics.errors import DataError, optional_package
@@ -111,7 +111,7 @@ class Tracks(Shown):
         values : array, (n,)
         """
         each = np.asarray(values)
-        check_shape("values", each, "one a mode", self.track.shape)
+        check_shape("values", each, "one per mode", self.track.shape)
         found = np.full((len(self.history), len(self)), np.nan)
         kept = (self.track >= 0) & ~self.double
         found[self.history.record[kept], self.track[kept]] = each[kept]
@@ -153,7 +153,7 @@ class Tracks(Shown):
             doubt = np.count_nonzero(own & ~self.double & (self.mode_probability < DOUBT))
             numbers = (
                 f"{np.nanmedian(self.frequencies[:, k]):.4f}",
-                f"{self.scatter[k]:.2g}",
+                figures(self.scatter[k], 2),
                 f"{100 * seen[:, k].mean():.0f}",
             )
             ends = (str(when[[0, -1]][i]).replace("T", " ") for i in (0, 1))

@@ -15,7 +15,7 @@ from modalscope.data.modes import ModalModel
 from modalscope.data.rebuilt import rebuilt
 from modalscope.data.response import line_step
 from modalscope.data.results import Result
-from modalscope.data.shown import counted
+from modalscope.data.shown import counted, figures, percent
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, BoolArray, RealArray, check_kind
 from modalscope.numerics.errors import DataError
@@ -234,7 +234,7 @@ def _lacking(values: dict[str, RealArray], asked: dict[str, float]) -> list[Real
 
 
 def _said(what: str, value: float) -> str:
-    return f"MAC {value:.3g}" if what == "shape" else f"{what} ±{100 * value:.2g} %"
+    return f"MAC {value:.3g}" if what == "shape" else f"{what} ±{percent(value, 2)}"
 
 
 def _order(kind: str, place: str, times: int) -> str:
@@ -370,7 +370,7 @@ class _Test:
         known = self._residues[: len(self.modes.output_dofs), : len(self.modes.input_dofs)]
         told = information(slopes_left(light, self.modes.poles), known)
         self._longer, self._length = told.sum(axis=(0, 1)) / times, times
-        return [("longer", f"{step / times:.3g} Hz")]
+        return [("longer", f"{figures(step / times)} Hz")]
 
     def reached(self, what: str, more: dict[_Candidate, int]) -> RealArray:
         """Return what is reached with some measurements more, (n,): no more than now where disagreement rules."""
@@ -429,7 +429,7 @@ class _Test:
             if self.disagree[what][k]:
                 why = "disagreement, not noise, rules: more places of the same kind will not help. Find its cause"
             elif step > half[k]:
-                why = f"lines lie {step:.2g} Hz apart, further than the half bandwidth. Measure longer"
+                why = f"lines lie {figures(step, 2)} Hz apart, further than the half bandwidth. Measure longer"
             elif self._near_node[k]:
                 why = "every place that is known is near a node. Measure at another place"
             else:

@@ -13,7 +13,7 @@ from modalscope.analysis.planning.foretold import deviations_foretold, informati
 from modalscope.data.geometry import indices_of, parse_dof
 from modalscope.data.modes import ModalModel
 from modalscope.data.responses import FrequencyResponse
-from modalscope.data.shown import counted
+from modalscope.data.shown import counted, figures
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, RealArray, check_count, check_kind, real_array
 from modalscope.numerics.errors import DataError, check_choice
@@ -58,10 +58,10 @@ class Placement:
     compared: dict[str, float]
 
     def __str__(self) -> str:
-        rules = ", ".join(f"by {name} +-{196 * value:.3g} %" for name, value in self.compared.items())
+        rules = ", ".join(f"by {name} +-{figures(196 * value)} %" for name, value in self.compared.items())
         return (
             f"Sensors: {', '.join(self.sensors)}\nForces: {', '.join(self.forces)}\n"
-            f"Largest interval of a damping ratio (95 %): +-{196 * self.worst:.3g} %; {rules}"
+            f"Largest interval of a damping ratio (95 %): +-{figures(196 * self.worst)} %; {rules}"
         )
 
 

@@ -11,6 +11,7 @@ from modalscope.analysis.workflow.pairing import pair_modes
 from modalscope.data.geometry import indices_of
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Candidate, Note
+from modalscope.data.shown import percent
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import ComplexArray, RealArray, check_number
 from modalscope.numerics.errors import DataError
@@ -162,7 +163,7 @@ def _notes(modes: ModalModel, masses: Mapping[str, float], apart: RealArray) -> 
     known = np.isfinite(apart)
     if np.any(known):
         words = ", ".join(
-            f"{100 * x:.2g} % at {f:.5g} Hz" for f, x in zip(modes.frequencies[known], apart[known], strict=True)
+            f"{percent(x, 2)} at {f:.5g} Hz" for f, x in zip(modes.frequencies[known], apart[known], strict=True)
         )
         notes.append(Note("modal mass", {}, f"standard deviations of modal masses, from those of frequencies: {words}"))
     return tuple(notes)

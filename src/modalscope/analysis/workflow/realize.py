@@ -25,7 +25,7 @@ from modalscope.data.notes import Note
 from modalscope.data.records import Records, Signals, as_records
 from modalscope.data.response import Response, line_step
 from modalscope.data.setups import as_test
-from modalscope.data.shown import counted, summary_of
+from modalscope.data.shown import counted, percent, summary_of
 from modalscope.data.statespace import StateSpace
 from modalscope.identification.identify import identify
 from modalscope.identification.matrices.driven import runs_of
@@ -180,7 +180,7 @@ def _of_one(data: Any, order: int | None, choice: Mapping[str, Any], *, stable: 
 
 
 def _fit_error(error: float) -> Note:
-    return Note("fit error", {"error": error}, f"fit error {100 * error:.3g} %")
+    return Note("fit error", {"error": error}, f"fit error {percent(error)}")
 
 
 def _fields(model: StateSpace, channels: Response | Records) -> dict[str, Any]:
@@ -227,7 +227,7 @@ def stabilized(model: StateSpace, response: Response) -> tuple[StateSpace, int, 
     left = basis.data - basis.rebuilt(shapes, participation, terms)
     cost = float(np.linalg.norm(left) / np.linalg.norm(basis.data))
     count = int(np.count_nonzero(grows))
-    text = f"{count} unstable poles were mirrored: {100 * cost:.3g} % of the data are unexplained; stable=False keeps these poles"
+    text = f"{count} unstable poles were mirrored: {percent(cost)} of the data are unexplained; stable=False keeps these poles"
     return made, count, (Note("mirrored", {"poles": count, "left": cost}, text),)
 
 
@@ -260,7 +260,7 @@ def _folds(records: Records, holdout: float) -> tuple[list[_Fold], str]:
             folds.append(_Fold(_cut(records, first, last), _cut(records, *tested)))
             names.append(name)
     if folds:
-        return folds, f"the {' and the '.join(names)} {100 * holdout:.3g} %"
+        return folds, f"the {' and the '.join(names)} {percent(holdout)}"
     return [_Fold(records, records)], "what it was fitted to (one transient, no part of it can be held out)"
 
 

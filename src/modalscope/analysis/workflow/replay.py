@@ -119,7 +119,7 @@ def _outside(what: str, outside: list[str]) -> Note:
     """Return the note on a geometry that was not read; with data that have it, not compared with theirs."""
     names = ", ".join(printable(Path(name).name[:60]) for name in outside[:2])
     fault = f"Geometry not {what}: {names} lies outside of the folders of the document and of the data"
-    return Note("outside", {"files": len(outside)}, f"{fault}; allow_outside=True (--allow-outside) reads it")
+    return Note("outside", {"files": len(outside)}, f"{fault}; to read it: --allow-outside")
 
 
 def _stored(place: Path | None) -> ModalModel | None:

@@ -6,7 +6,9 @@ import os
 from typing import NamedTuple
 
 from modalscope.data.notes import Note
+from modalscope.data.shown import figures
 from modalscope.numerics.errors import DataError
+from modalscope.numerics.resources import in_words
 
 #: Products of two columns per second of a core, with the columns themselves: measured from 1e10 to 1e12 of them.
 _PRODUCTS_PER_SECOND = 2.5e10
@@ -27,8 +29,8 @@ class RecordCost(NamedTuple):
     @property
     def note(self) -> Note:
         """The cost in words."""
-        seconds = "less than a second" if self.seconds < 1 else f"about {self.seconds:.2g} s"
-        text = f"{self.columns} columns on {self.lines} lines: {seconds} of one core and {_words(self.bytes)} of memory predicted"
+        seconds = "less than a second" if self.seconds < 1 else f"about {figures(self.seconds, 2)} s"
+        text = f"{self.columns} columns on {self.lines} lines: {seconds} of one core and {in_words(self.bytes)} of memory predicted"
         return Note("cost", {"seconds": self.seconds, "bytes": self.bytes}, text)
 
 
@@ -56,7 +58,7 @@ def refuse_beyond_memory(cost: RecordCost) -> None:
     if there is not None and cost.bytes > there:
         raise DataError(
             "fitting the records on their lines was asked",
-            f"{cost.columns} columns on {cost.lines} lines need {_words(cost.bytes)} of memory, the machine has {_words(there)}",
+            f"{cost.columns} columns on {cost.lines} lines need {in_words(cost.bytes)} of memory, the machine has {in_words(there)}",
             "Give a band, lower block_rows, exclude channels, or identify runs one by one.",
         )
 
@@ -67,7 +69,3 @@ def _memory() -> float | None:
         return float(os.sysconf("SC_PAGE_SIZE")) * os.sysconf("SC_PHYS_PAGES")
     except (AttributeError, ValueError, OSError):
         return None
-
-
-def _words(size: float) -> str:
-    return f"{size / 1e9:.2g} GB" if size >= 1e9 else f"{size / 1e6:.2g} MB"

@@ -13,6 +13,7 @@ from functools import cached_property
 import numpy as np
 import scipy.linalg as sla
 
+from modalscope.data.shown import percent
 from modalscope.identification.matrices.factor import Factors
 from modalscope.identification.matrices.matrix import DataMatrix, Realization, RowShift, Triple
 from modalscope.identification.realizations.shift import check_blocks
@@ -160,7 +161,7 @@ class LeastSquaresCompanion(Realization):
         if share > np.sqrt(rcond):
             raise DataError(
                 f"a least-squares companion of {n // block} blocks was asked",
-                f"they are singular and leave {100 * share:.2g} % of the next one: fewer than the observability index",
+                f"they are singular and leave {percent(float(share), 2)} of the next one: fewer than the observability index",
                 "Raise the order by a block or more.",
             )
         return np.asarray(R)

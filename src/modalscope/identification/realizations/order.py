@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg as sla
 
+from modalscope.data.shown import figures
 from modalscope.identification.matrices.factor import Factors
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.statistics import noise_threshold
@@ -119,7 +120,7 @@ def recommend_order(factors: Factors) -> OrderAdvice:
     else:
         confidence = "fair" if apart == 0 or (clear and apart <= 2) else "poor"
     reason = (
-        f"the clearest gap ({width:.3g} times any after it) lies after {by_gap} singular values, "
-        f"{by_threshold} exceed the noise threshold {floor:.3g}"
+        f"the clearest gap ({figures(width)} times any after it) lies after {by_gap} singular values, "
+        f"{by_threshold} exceed the noise threshold {figures(floor)}"
     )
     return OrderAdvice(order, by_gap, by_threshold, floor, confidence, reason)

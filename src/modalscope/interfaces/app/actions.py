@@ -56,10 +56,7 @@ def acted(document: Analysis, action: str, given: Mapping[str, Any]) -> Analysis
 
 def change(document: Analysis, **new: Any) -> Analysis:
     """Set fields; choices by hand outside of new bands are dropped."""
-    unknown = sorted(set(new) - set(_SETTABLE))
-    if unknown:
-        settable = f"the page sets {', '.join(_SETTABLE)}"
-        raise DataError(f"setting {', '.join(unknown)} was asked", settable, "Set one of these.")
+    _check_names("setting {}", new, _SETTABLE)
     new |= {name: new[name] or None for name in ("method", "domain") if name in new}
     new |= {"bands": tuple(map(tuple, new["bands"]))} if "bands" in new else {}
     changed = replace(document, **new)
@@ -70,6 +67,14 @@ def change(document: Analysis, **new: Any) -> Analysis:
         return tuple(f for f in listed if any(low <= f <= high for low, high in changed.bands))
 
     return replace(changed, taken=inside(changed.taken), refused=inside(changed.refused))
+
+
+def _check_names(what: str, given: Mapping[str, Any], known: tuple[str, ...]) -> None:
+    """Raise for names that the page does not set; `what`: what was asked, with a place for them."""
+    unknown = sorted(set(given) - set(known))
+    if unknown:
+        asked = f"{what.format(', '.join(unknown))} was asked"
+        raise DataError(asked, f"the page sets {', '.join(known)}", "Use one of these.")
 
 
 def take(document: Analysis, frequency: float) -> Analysis:
@@ -121,10 +126,7 @@ def reading(
 
 def remedy(document: Analysis, options: Mapping[str, str | float | bool | list[str]]) -> Analysis:
     """Read the data as an error says: columns left out besides those that were, lines skipped, rows and columns exchanged, ..."""
-    unknown = sorted(set(options) - set(_REMEDIES))
-    if unknown:
-        fault = f"reading again with {', '.join(unknown)} was asked"
-        raise DataError(fault, f"the page knows {', '.join(_REMEDIES)}", "Use one of these.")
+    _check_names("reading again with {}", options, _REMEDIES)
     left = options.get("ignore", [])
     earlier = document.files[0].reading.get("ignore", ()) if document.files else ()
     more = {"ignore": [*earlier, *map(str, left)]} if isinstance(left, list) and left else {}
@@ -149,14 +151,5 @@ def _without(frequency: float, listed: tuple[float, ...]) -> tuple[float, ...]:
 
 
 #: The actions by name.
-ACTIONS: dict[str, Callable[..., Analysis]] = {
-    "set": change,
-    "take": take,
-    "refuse": refuse,
-    "automatic": automatic,
-    "name": name,
-    "geometry": geometry,
-    "exact_nodes": exact_nodes,
-    "reading": reading,
-    "remedy": remedy,
-}
+_NAMED = (take, refuse, automatic, name, geometry, exact_nodes, reading, remedy)
+ACTIONS: dict[str, Callable[..., Analysis]] = {"set": change} | {action.__name__: action for action in _NAMED}

@@ -91,12 +91,8 @@ class OpenDocument:
         `action`: one of `actions.ACTIONS`, "undo", "redo" or "again". `edition`: that of the window.
         """
         if edition is not None and edition != self.edition:
-            changed = "the document was changed in another window"
-            raise DataError(
-                "a change was asked",
-                changed,
-                "Look at the document as it is now, and repeat the change if it is still needed.",
-            )
+            remedy = "Look at the document as it is now, and repeat the change if it is still needed."
+            raise DataError("a change was asked", "the document was changed in another window", remedy)
         if action == "undo":
             self.place = max(self.place - 1, 0)
         elif action == "redo":
@@ -129,17 +125,15 @@ class OpenDocument:
     def start(self) -> None:
         """Compute the document; stop a sweep whose diagrams are outdated."""
         key = diagrams_key(self.document)
-        self.failed = None
+        self.failed, self.stage = None, {"stage": "waiting"}
         self.job += 1
         if self._worker is not None and not self._worker.alive:
             self._dismiss()
         if self._worker is None and not self._hire():
-            self.stage = {"stage": "waiting"}
             return
         assert self._worker is not None
         outdated = self._busy and self._swept != key
         self._busy, self._swept = True, key
-        self.stage = {"stage": "waiting"}
         self._worker.send("work", self.job, analysis_to(self.document), self._kept.get(key))
         limits = self.limits
         self._expect(limits.patience if outdated else limits.seconds, self._replace if outdated else self._late)
@@ -161,15 +155,18 @@ class OpenDocument:
 
     def _stop_hard(self) -> None:
         self._dismiss()
-        self._on_stopped()
-        stopped = {"asked": "an answer was asked", "found": "the computation was stopped", "change": "Ask again."}
-        for number in list(self._asked):
-            self._answer(number, (False, stopped))
+        self._end("stopped")
+        self._refuse({"asked": "an answer was asked", "found": "the computation was stopped", "change": "Ask again."})
 
-    def _on_stopped(self, _: None = None) -> None:
+    def _refuse(self, reason: dict[str, Any] | None) -> None:
+        """Answer all open questions with the reason why they have no answer."""
+        for number in list(self._asked):
+            self._answer(number, (False, reason))
+
+    def _end(self, stage: str) -> None:
+        """Say that the job is done, or stopped."""
         self._free()
-        self.stage = {"stage": "stopped"}
-        self.windows.send({"type": "stage", **self.stage})
+        self._on_stage({"stage": stage})
 
     def _free(self) -> None:
         """Mark the process as idle, so that other documents may use it."""
@@ -224,6 +221,8 @@ class OpenDocument:
             self._ended(payload)
         elif kind == "keep":
             self._keep(*payload)
+        elif number == self.job and kind in ("done", "stopped"):
+            self._end(kind)
         elif number == self.job:
             if kind in ("stage", "cut") and self._busy:  # the time limit starts with the job
                 self._expect(self.limits.seconds, self._late)
@@ -251,11 +250,6 @@ class OpenDocument:
     def _on_asked(self, payload: dict[str, Any]) -> None:
         self.windows.send({"type": "asked", **payload})
 
-    def _on_done(self, _: None) -> None:
-        self._free()
-        self.stage = {"stage": "done"}
-        self.windows.send({"type": "stage", **self.stage})
-
     def _on_failed(self, payload: dict[str, Any]) -> None:
         self._free()
         self.stage, self.failed = {"stage": "failed"}, payload
@@ -270,8 +264,7 @@ class OpenDocument:
         status = f"signal {-code}" if code is not None and code < 0 else f"exit status {code}"
         reason = f"its process ended ({status}){', probably out of memory' if code in (-9, 137) else ''}"
         self._fail(reason, "All choices are kept. Press again, or choose a band, fewer orders or channels.")
-        for number in list(self._asked):
-            self._answer(number, (False, self.failed))
+        self._refuse(self.failed)
 
     def _keep(self, key: str, stage: bytes) -> None:
         self._kept[key] = stage

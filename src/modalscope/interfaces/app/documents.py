@@ -14,6 +14,7 @@ from typing import Any
 
 from modalscope.data import DataError
 from modalscope.data.analysis import VERSION, Analysis, SourceFile
+from modalscope.data.shown import figures
 from modalscope.interfaces.app.document import OpenDocument
 from modalscope.interfaces.app.files import FileStore
 from modalscope.interfaces.app.guard import Limits
@@ -57,13 +58,8 @@ class DocumentStore:
     def _entry(self, path: Path) -> Iterator[dict[str, Any]]:
         with suppress(*_DAMAGED):
             kept = json.loads(path.read_text(encoding="utf-8"))
-            changed = path.stat().st_mtime
-            yield {
-                "key": path.stem,
-                "name": str(kept["name"])[:_MAX_TITLE],
-                "steps": len(kept["history"]),
-                "changed": changed,
-            }
+            name, steps = str(kept["name"])[:_MAX_TITLE], len(kept["history"])
+            yield {"key": path.stem, "name": name, "steps": steps, "changed": path.stat().st_mtime}
 
     def find(self, key: str) -> OpenDocument:
         """Return a document; one that is not open is read from disk."""
@@ -89,9 +85,8 @@ class DocumentStore:
     async def open(self, names: list[str]) -> OpenDocument:
         """Open listed files, uploads, or a document; several files are parts of one test."""
         if not names:
-            raise DataError(
-                "opening a file was asked", "none was named", "Choose a listed file, or drop one on the page."
-            )
+            remedy = "Choose a listed file, or drop one on the page."
+            raise DataError("opening a file was asked", "none was named", remedy)
         paths = [self.files.resolve(name) for name in names]
         if len(paths) == 1 and paths[0].name.lower().endswith(_DOCUMENT):
             document = self._of_paths(read_analysis(paths[0]), paths[0].parent)
@@ -104,25 +99,18 @@ class DocumentStore:
             reading = {"geometry": tuple(map(str, geometry))} if geometry else {}
             document = Analysis(files=tuple([await asyncio.to_thread(hashed, path, reading) for path in paths]))
         if len(self._open) >= self.limits.documents:
-            raise DataError(
-                f"at most {self.limits.documents} documents are open together",
-                f"{len(self._open)} are open",
-                "Close some.",
-            )
+            most = f"at most {self.limits.documents} documents are open together"
+            raise DataError(most, f"{len(self._open)} are open", "Close some.")
         opened = self._placed(token_hex(8), ", ".join(path.name for path in paths)[:_MAX_TITLE], [document])
         self.keep(opened)
         return opened
 
     def _of_paths(self, document: Analysis, folder: Path) -> Analysis:
         """Return a document with the paths of its files: as stored, or in the folder of the document."""
-        files = [
-            replace(
-                file,
-                path=str(self._readable(Path(file.path), folder, "data")),
-                reading=self._of_geometry(file.reading, folder),
-            )
-            for file in document.files or (SourceFile(),)
-        ]
+        files = []
+        for file in document.files or (SourceFile(),):
+            path = str(self._readable(Path(file.path), folder, "data"))
+            files.append(replace(file, path=path, reading=self._of_geometry(file.reading, folder)))
         return replace(document, files=tuple(files))
 
     def _of_geometry(self, reading: Mapping[str, Any], folder: Path) -> dict[str, Any]:
@@ -132,7 +120,7 @@ class DocumentStore:
 
     def _readable(self, stored: Path, folder: Path, what: str) -> Path:
         """Return a file of a document that may be read: as stored, or in the folder of the document."""
-        path = stored if self._may_read(stored) else folder / stored.name
+        path = stored if lies_in(stored, self._tops) else folder / stored.name
         if not stored.name or not is_file_in(path, self._tops):
             fault = f"its {what}, {stored.name[:60] or 'arrays'}, is no file in the folder"
             raise DataError("opening a document was asked", fault, "Put the file into the folder of the document.")
@@ -142,9 +130,6 @@ class DocumentStore:
     def _tops(self) -> list[Path]:
         """The folders whose files may be read."""
         return [top for top in (self.files.folder, self.files.place) if top is not None]
-
-    def _may_read(self, path: Path) -> bool:
-        return lies_in(path, self._tops)
 
     def _file_of(self, key: str) -> Path | None:
         """Return the file of a document; None where no document has such a key."""
@@ -159,12 +144,8 @@ class DocumentStore:
         """Write a document to disk."""
         first = max(0, opened.place - _MAX_WRITTEN_STEPS)
         history = opened.history[first : opened.place + _MAX_WRITTEN_STEPS]
-        kept = {
-            "modalscope": VERSION,
-            "name": opened.name,
-            "place": opened.place - first,
-            "history": [analysis_to(document) for document in history],
-        }
+        kept = {"modalscope": VERSION, "name": opened.name, "place": opened.place - first}
+        kept |= {"history": list(map(analysis_to, history))}
         with replacing(self._place / f"{opened.key}.json") as temporary:
             temporary.write_text(json.dumps(kept), encoding="utf-8")
 
@@ -206,7 +187,7 @@ class DocumentStore:
         for path in documents:
             path.unlink()
         self._remove(uploads)
-        return f"{len(documents)} documents and {len(uploads)} dropped files ({size / 1e6:.3g} MB) deleted"
+        return f"{len(documents)} documents and {len(uploads)} dropped files ({figures(size / 1e6)} MB) deleted"
 
     def end(self) -> None:
         """End all processes; documents stay on disk."""

@@ -126,7 +126,9 @@ class FileStore:
             return self._example(name.removeprefix(_EXAMPLE))
         top, inner = (self._uploads, name.removeprefix(_UPLOAD)) if name.startswith(_UPLOAD) else (self.folder, name)
         if top is None or not lies_in(top / inner, [top]):
-            raise self._outside(name)
+            fault = "no folder was given" if self.folder is None else "it is outside of the folder"
+            remedy = "Start `modalscope app --folder` there, or drop the file on the page."
+            raise DataError(f"{name!r} was asked", fault, remedy)
         if not is_file_in(top / inner, [top]):
             raise DataError(f"{name!r} was asked", "there is no such file", "Choose a listed file.")
         return (top / inner).resolve()
@@ -138,12 +140,6 @@ class FileStore:
         place.mkdir(mode=0o700)
         self.total += source.stat().st_size
         return Path(shutil.copy(source, place))
-
-    def _outside(self, name: str) -> DataError:
-        fault = "no folder was given" if self.folder is None else "it is outside of the folder"
-        return DataError(
-            f"{name!r} was asked", fault, "Start `modalscope app --folder` there, or drop the file on the page."
-        )
 
     async def store_upload(
         self, name: str, chunks: AsyncIterator[bytes], max_bytes: int, limits: Limits | None = None

@@ -37,19 +37,16 @@ _STATUS = {"another window": 409, "no space left": 507, "quota": 507}
 _KEEP_ALIVE_SECONDS = 15.0
 
 
-def _answered(handler: Handler) -> Handler:
-    """Return the handler with DataErrors answered as their three parts and status 409, 507 or 400."""
+async def refused(_: Request, error: Exception) -> Response:
+    """Return the parts of an error of the data with status 409, 507 or 400; no text for a window that has gone."""
+    if not isinstance(error, DataError):
+        return Response(status_code=400)
+    parts = {"asked": error.asked, "found": error.found, "change": error.change, "text": error.args[0]}
+    return _json(parts, next((status for word, status in _STATUS.items() if word in error.found), 400))
 
-    async def answer(request: Request) -> Response:
-        try:
-            return await handler(request)
-        except DataError as error:
-            parts = {"asked": error.asked, "found": error.found, "change": error.change, "text": error.args[0]}
-            return _json(parts, next((status for word, status in _STATUS.items() if word in error.found), 400))
-        except ClientDisconnect:
-            return Response(status_code=400)
 
-    return answer
+#: What is raised instead of an answer -> what answers it.
+REFUSALS: dict[Any, Any] = {DataError: refused, ClientDisconnect: refused}
 
 
 def _json(content: Any, status: int = 200) -> Response:
@@ -88,19 +85,14 @@ async def start(request: Request) -> Response:
     store = _store(request)
     folder = store.files.folder
     rows = [{"name": m.name, "domain": m.domain, "label": m.label, "route": route_of(m)} for m in methods()]
-    return _json(
-        {
-            "version": VERSION,
-            "folder": None if folder is None else folder.name,
-            "files": await asyncio.to_thread(store.files.listing),
-            "documents": store.listed(),
-            "methods": rows,
-            "formats": FORMATS,
-            "missing": missing_formats(),
-            "upload": store.limits.upload,
-            "first": request.app.state.first,
-        }
-    )
+    found = {
+        "version": VERSION,
+        "folder": None if folder is None else folder.name,
+        "files": await asyncio.to_thread(store.files.listing),
+        "documents": store.listed(),
+    }
+    known = {"methods": rows, "formats": FORMATS, "missing": missing_formats(), "upload": store.limits.upload}
+    return _json({**found, **known, "first": request.app.state.first})
 
 
 async def upload(request: Request) -> Response:
@@ -168,26 +160,34 @@ async def blob(request: Request) -> Response:
     number, data = _opened(request).blobs.get(request.path_params["name"], (0, None))
     if data is None:
         return Response(status_code=404)
-    return Response(data, media_type="application/octet-stream", headers={"x-number": str(number)})
+    return _blob(data, **{"x-number": str(number)})
 
 
 async def channel(request: Request) -> Response:
     """Return one channel, measured and rebuilt; without an output the sum of all."""
     one = "output" in request.query_params
     given = {"output": _number(request, "output"), "column": _number(request, "input")} if one else {}
-    data = await _opened(request).ask("channel", **given)
-    return Response(data, media_type="application/octet-stream")
+    return await _asked(request, "channel", **given)
 
 
 async def measured(request: Request) -> Response:
     """Return the names of the pictures of the data."""
-    return _json(await _opened(request).ask("measured"))
+    return await _asked(request, "measured")
 
 
 async def picture(request: Request) -> Response:
     """Return a described picture as a blob."""
-    data = await _opened(request).ask("picture", name=request.path_params["name"])
-    return Response(data, media_type="application/octet-stream")
+    return await _asked(request, "picture", name=request.path_params["name"])
+
+
+async def _asked(request: Request, what: str, **given: Any) -> Response:
+    """Return the answer of the process of a document: a blob, or JSON."""
+    answer = await _opened(request).ask(what, **given)
+    return _blob(answer) if isinstance(answer, bytes) else _json(answer)
+
+
+def _blob(data: bytes, **headers: str) -> Response:
+    return Response(data, media_type="application/octet-stream", headers=headers)
 
 
 def _number(request: Request, name: str) -> int:
@@ -199,19 +199,18 @@ def _number(request: Request, name: str) -> int:
 
 async def compare(request: Request) -> Response:
     """Return the comparison of all methods on the data."""
-    return _json(await _opened(request).ask("compare"))
+    return await _asked(request, "compare")
 
 
 async def against(request: Request) -> Response:
     """Return the MAC of the modes with those of a file."""
     name = (await _body(request)).get("file", "")
-    path = _store(request).files.resolve(str(name))
-    return _json(await _opened(request).ask("against", path=str(path)))
+    return await _asked(request, "against", path=str(_store(request).files.resolve(str(name))))
 
 
 async def planned(request: Request) -> Response:
     """Return what to measure next for what is asked of the modes."""
-    return _json(await _opened(request).ask("planned", ask=str((await _body(request)).get("ask", ""))))
+    return await _asked(request, "planned", ask=str((await _body(request)).get("ask", "")))
 
 
 async def export(request: Request) -> Response:
@@ -261,24 +260,18 @@ async def events(request: Request) -> Response:
 
 
 def routes() -> list[Route]:
-    """Return the routes below /api."""
+    """Return the routes below /api: those of a document are named after what answers them."""
     at = "/api/documents/{key}"
     listed: list[tuple[str, Handler, str]] = [
         ("/api/start", start, "GET"),
         ("/api/upload", upload, "POST"),
         ("/api/open", open_files, "POST"),
         (at, state, "GET"),
-        (f"{at}/act", act, "POST"),
-        (f"{at}/cancel", cancel, "POST"),
-        (f"{at}/close", close, "POST"),
-        (f"{at}/events", events, "GET"),
         (f"{at}/blob/{{name}}", blob, "GET"),
-        (f"{at}/channel", channel, "GET"),
-        (f"{at}/measured", measured, "GET"),
         (f"{at}/picture/{{name}}", picture, "GET"),
-        (f"{at}/compare", compare, "POST"),
-        (f"{at}/against", against, "POST"),
-        (f"{at}/planned", planned, "POST"),
         (f"{at}/export/{{suffix}}", export, "GET"),
     ]
-    return [Route(path, _answered(handler), methods=[method]) for path, handler, method in listed]
+    listed += [(f"{at}/{handler.__name__}", handler, "GET") for handler in (events, channel, measured)]
+    posted = (act, cancel, close, compare, against, planned)
+    listed += [(f"{at}/{handler.__name__}", handler, "POST") for handler in posted]
+    return [Route(path, handler, methods=[method]) for path, handler, method in listed]

@@ -22,7 +22,7 @@ from modalscope.data import DataError
 from modalscope.interfaces.app.documents import DocumentStore
 from modalscope.interfaces.app.files import FileStore
 from modalscope.interfaces.app.guard import Guard, Limits
-from modalscope.interfaces.app.routes import routes
+from modalscope.interfaces.app.routes import REFUSALS, routes
 
 #: The front end, bundled when the package was built.
 STATIC = Path(__file__).parent / "static"
@@ -93,7 +93,7 @@ def page(
         return FileResponse(STATIC / "index.html", media_type="text/html")
 
     served = [Route("/", index), *routes(), Mount("/static", StaticFiles(directory=STATIC, check_dir=False))]
-    app = Starlette(routes=served, lifespan=life)
+    app = Starlette(routes=served, lifespan=life, exception_handlers=REFUSALS)
     app.state.store, app.state.first = store, first or []
     return _guarded(app, bound, host, store)
 
@@ -173,10 +173,8 @@ def server_of(made: Page) -> Any:
                 made.store.end()  # closes the event streams, which would delay the shutdown
             await super().shutdown(sockets)
 
-    settings = uvicorn.Config(
-        made.app, http=Prompt, log_level="warning", access_log=False, timeout_graceful_shutdown=2, ws="none"
-    )
-    return Server(settings)
+    quiet: Any = {"log_level": "warning", "access_log": False}
+    return Server(uvicorn.Config(made.app, http=Prompt, timeout_graceful_shutdown=2, ws="none", **quiet))
 
 
 def serve(made: Page) -> None:

@@ -21,7 +21,7 @@ from modalscope.identification.method_names import cell_label
 from modalscope.interfaces.app.actions import diagrams_key
 from modalscope.interfaces.app.reading import watched
 from modalscope.interfaces.plot.picture import Picture
-from modalscope.interfaces.plot.web.fits import channel_blob, fit_of_result
+from modalscope.interfaces.plot.web.fits import fit_of_result
 from modalscope.interfaces.plot.web.modes import modes_blob
 from modalscope.interfaces.plot.web.poles import cut_view, overview_blob, poles_blob, spectra_of
 from modalscope.interfaces.plot.web.verdict import grouped, notes_that_matter, verdict_of
@@ -82,11 +82,9 @@ class Stages:
         self._early(document)
         check()
         result = concluded(self.data, document, self._looks, self._notes, self._choose, self._examined)
+        modes = modes_blob(result.modes, document.names, result_head(result), result.diagrams[0].response)
+        self._tell("blob", ("modes", modes))
         self.result = result
-        self._tell(
-            "blob",
-            ("modes", modes_blob(result.modes, document.names, result_head(result), result.diagrams[0].response)),
-        )
 
     def _read(self, document: Analysis) -> None:
         key = json.dumps([analysis_to(document)["files"], document.route == "auto"], sort_keys=True)
@@ -116,12 +114,8 @@ class Stages:
             self._tell("keep", (key, pickle.dumps(self._looks)))
         else:
             self._looks = pickle.loads(kept)  # made by a process of this server
-        self._tell("blob", ("poles", poles_blob(self._diagrams, self._spectra)))
+        self._tell("blob", ("poles", poles_blob([look.diagram for look in self._looks], self._spectra)))
         self._of_diagrams = key
-
-    @property
-    def _diagrams(self) -> list[StabilizationDiagram]:
-        return [look.diagram for look in self._looks]
 
     def _watch(self, check: Callable[[], None]) -> Callable[[Any, Any], None]:
         """Return a function that reports the cuts of every sweep."""
@@ -158,10 +152,6 @@ class Stages:
         if self._findings is None:
             self._findings = examine(data)
         return self._findings
-
-    def channel(self, output: int | None, column: int | None) -> bytes:
-        """Return one channel, measured and rebuilt, or the sum of all."""
-        return channel_blob(self._diagrams, self.finished().modes, output, column)
 
     def finished(self) -> Result:
         """Return the result, or raise if there is none."""

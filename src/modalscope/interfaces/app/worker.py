@@ -16,8 +16,10 @@ from modalscope.interfaces.app.files import FORMATS
 from modalscope.interfaces.app.steps import Stages
 from modalscope.interfaces.plot.picture import Picture
 from modalscope.interfaces.plot.web.blob import picture_blob
+from modalscope.interfaces.plot.web.fits import channel_blob
 from modalscope.io import write
 from modalscope.io.analysis import analysis_from
+from modalscope.numerics.errors import AT_TERMINAL
 
 if TYPE_CHECKING:
     from modalscope.analysis.comparing import Comparison
@@ -28,7 +30,8 @@ Progress = Callable[[int, int], None]
 
 def channel(stages: Stages, progress: Progress, output: int | None = None, column: int | None = None) -> bytes:
     """Return one channel, measured and rebuilt, as a blob; without an output and a column the sum of all."""
-    return stages.channel(output, column)
+    result = stages.finished()
+    return channel_blob(result.diagrams, result.modes, output, column)
 
 
 def export(stages: Stages, progress: Progress, suffix: str, target: str, mode: int = 0) -> Path:
@@ -102,8 +105,9 @@ def compared(stages: Stages, progress: Progress, methods: list[str] | None = Non
     chosen = {k: v for k, v in _choices(found.analysis).items() if k in ("route", "exclude", "band")}
     choices = {"orders": found.analysis.orders, "analysis": found, **chosen}
     comparison = compare(stages.data, methods or "all", progress=progress, **choices)
-    stages.pictures |= compared_pictures(comparison)
-    return compared_view(comparison) | {"pictures": list(compared_pictures(comparison))}
+    pictures = compared_pictures(comparison)
+    stages.pictures |= pictures
+    return compared_view(comparison) | {"pictures": list(pictures)}
 
 
 def compared_pictures(comparison: Comparison) -> dict[str, Picture]:
@@ -137,14 +141,10 @@ def compared_view(comparison: Comparison) -> dict[str, Any]:
     from modalscope.analysis.comparing import CAUSES
     from modalscope.interfaces.reporting.comparison import consensus_table
 
+    counts = [None if r.modes is None else len(r.modes) for r in comparison.results]
     methods = [
-        {
-            "label": r.label,
-            "modes": None if r.modes is None else len(r.modes),
-            "fit": r.fit_error,
-            "failure": r.failure or "",
-        }
-        for r in comparison.results
+        {"label": r.label, "modes": count, "fit": r.fit_error, "failure": r.failure or ""}
+        for r, count in zip(comparison.results, counts, strict=True)
     ]
     causes = {cause.name: CAUSES[cause.name] for d in comparison.disagreements for cause in d.causes}
     verdict = f"{comparison.headline}\n{comparison.verdict}"
@@ -152,15 +152,8 @@ def compared_view(comparison: Comparison) -> dict[str, Any]:
 
 
 #: The questions of the page by name.
-TASKS: dict[str, Callable[..., Any]] = {
-    "channel": channel,
-    "against": against,
-    "export": export,
-    "compare": compared,
-    "measured": measured,
-    "planned": planned,
-    "picture": picture,
-}
+_NAMED = (channel, against, export, measured, planned, picture)
+TASKS: dict[str, Callable[..., Any]] = {"compare": compared} | {task.__name__: task for task in _NAMED}
 
 
 class _Newer(Exception):
@@ -258,6 +251,7 @@ def main(pipe: Connection) -> None:
     import signal
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    AT_TERMINAL.set(True)
     try:
         _Worker(pipe).serve()
     except (EOFError, OSError):  # the server has ended

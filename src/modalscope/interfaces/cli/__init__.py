@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from contextvars import copy_context
 
 from modalscope.interfaces.cli.process import EXIT_WRONG, STDOUT, VOICE, complain, hang_up, listen, progress, take_over
 
@@ -22,7 +23,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         take_over()
     words = sys.argv[1:] if arguments is None else list(arguments)
     try:
-        _run(words)
+        copy_context().run(_run, words)
     except ValueError as error:
         from modalscope.data import DataError  # a ValueError; --help does not load it
 
@@ -52,8 +53,10 @@ def _run(words: Sequence[str]) -> None:
 
     from modalscope.interfaces.cli.commands import build_parser
     from modalscope.interfaces.cli.config import command_first, configured
+    from modalscope.numerics.errors import AT_TERMINAL
     from modalscope.numerics.progress import stages_shown
 
+    AT_TERMINAL.set(True)
     command_line = shlex.join(["modalscope", *words])
     parser = build_parser()
     try:

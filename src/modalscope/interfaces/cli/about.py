@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import argparse
 import os
-from pathlib import Path
 
-from modalscope.interfaces.cli.parser import Parser, add_force
+from modalscope.interfaces.cli.parser import Parser, add_page
 from modalscope.interfaces.cli.process import progress, say
 
 
 def add_methods(parser: Parser) -> None:
     """Add the arguments of `methods`."""
-    parser.add_argument("name", nargs="?", help="a method, or its name in the literature: show only this one")
+    parser.add("name", "a method, or its name in the literature: show only this one", nargs="?")
 
 
 def methods(options: argparse.Namespace) -> None:
@@ -21,17 +20,14 @@ def methods(options: argparse.Namespace) -> None:
     from modalscope.identification.method_names import methods
 
     rows = [("name", "method", "domain", "realization", "report", "known as")]
-    rows += [
-        (m.common, m.name, m.domain, m.realization, m.section, "; ".join(m.known_as)) for m in methods(options.name)
-    ]
+    shown = methods(options.name)
+    rows += [(m.common, m.name, m.domain, m.realization, m.section, "; ".join(m.known_as)) for m in shown]
     print(text_table(rows, left=range(6)))
 
 
 def add_reproduce(parser: Parser) -> None:
     """Add the arguments of `reproduce`."""
-    where = "page to write (default: report-reproduced.html)"
-    parser.add_argument("-o", "--output", type=Path, default=Path("report-reproduced.html"), metavar="FILE", help=where)
-    add_force(parser)
+    add_page(parser, "report-reproduced.html", "page to write")
 
 
 def reproduce(options: argparse.Namespace) -> None:
@@ -55,7 +51,7 @@ def reproduce(options: argparse.Namespace) -> None:
 
 def add_completion(parser: Parser) -> None:
     """Add the arguments of `completion`."""
-    parser.add_argument("shell", choices=("bash", "zsh", "fish", "tcsh"), help="bash, zsh, fish or tcsh")
+    parser.add("shell", "bash, zsh, fish or tcsh", choices=("bash", "zsh", "fish", "tcsh"))
 
 
 def completion(options: argparse.Namespace) -> None:

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from modalscope.interfaces.cli.parser import Parser, memory
+from modalscope.interfaces.cli.parser import Parser
 from modalscope.interfaces.cli.process import remark, say
 
 if TYPE_CHECKING:
@@ -16,20 +16,14 @@ if TYPE_CHECKING:
 
 def add_app(parser: Parser) -> None:
     """Add the arguments of `app`."""
-    parser.add_argument(
-        "files", nargs="*", type=Path, metavar="FILE", help="data, an .analysis.json, or a store of months (.modes)"
-    )
-    parser.add_argument("--folder", type=Path, metavar="DIR", help="folder whose files the page may open")
-    parser.add_argument("--port", type=int, default=0, metavar="N", help="port (default: any free port)")
-    parser.add_argument(
-        "--host", default="127.0.0.1", metavar="NAME", help="address to listen on (default: this machine)"
-    )
-    words = "bytes that files dropped on the page may take together, such as 20GB (default: 10GB)"
-    parser.add_argument("--max-dropped", type=memory, metavar="SIZE", help=words)
-    parser.add_argument(
-        "--forget", action="store_true", help="delete all documents and dropped files, and start no page"
-    )
-    parser.add_argument("--no-browser", action="store_true", help="print the address, open no browser")
+    parser.add("files FILE...", "data, an .analysis.json, or a store of months (.modes)", nargs="*")
+    parser.add("--folder DIR", "folder whose files the page may open")
+    parser.add("--port N", "port (default: any free port)", default=0)
+    parser.add("--host NAME", "address to listen on (default: this machine)", default="127.0.0.1")
+    dropped = "bytes that files dropped on the page may take together, such as 20GB (default: 10GB)"
+    parser.add("--max-dropped SIZE", dropped)
+    parser.add("--forget", "delete all documents and dropped files, and start no page")
+    parser.add("--no-browser", "print the address, open no browser")
 
 
 def app(options: argparse.Namespace) -> None:
@@ -60,8 +54,10 @@ def app(options: argparse.Namespace) -> None:
     server = page(first, folder=folder, host=options.host, port=options.port, limits=limits)
     say(f"the page: {server.address}")
     if server.store is not None and server.store.files.total:
+        from modalscope.data.shown import figures
+
         kept = f"{limits.days:g} days after the last change of their document"
-        size = f"{server.store.files.total / 1e6:.3g} MB"
+        size = f"{figures(server.store.files.total / 1e6)} MB"
         remark(f"files dropped earlier take {size}; they are kept {kept}, or until `modalscope app --forget`")
     _serve(options, server)
 

@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Callable
 from inspect import cleandoc
 from itertools import groupby
+from sys import modules
 from textwrap import fill
 from typing import Any, NamedTuple
 
@@ -33,34 +34,32 @@ class Command(NamedTuple):
 
 
 #: The groups of the help, and the commands in each. `run` imports what it needs, so that the help loads no numerical library.
-COMMANDS = (
-    Command(demo.demo, demo.add_demo, "first"),
-    Command(app.app, app.add_app, "first"),
-    Command(files.info, files.add_info, "first"),
-    Command(identify.identify, identify.add_identify, "first"),
-    Command(results.compare, results.add_compare, "first"),
-    Command(results.mac, results.add_mac, "first"),
-    Command(results.report, results.add_report, "first"),
-    Command(watch.watch, watch.add_watch, "first"),
-    Command(results.plot, results.add_plot, "look"),
-    Command(spectra.psd, spectra.add_psd, "look"),
-    Command(spectra.ods, spectra.add_ods, "look"),
-    Command(results.refine, results.add_refine, "check"),
-    Command(results.certify, results.add_certify, "check"),
-    Command(results.next, results.add_next, "check"),
-    Command(about.methods, about.add_methods, "check"),
-    Command(about.reproduce, about.add_reproduce, "check"),
-    Command(results.realize, results.add_realize, "models"),
-    Command(results.validate, results.add_validate, "models"),
-    Command(files.simulate, files.add_simulate, "models"),
-    Command(spectra.frf, spectra.add_frf, "files"),
-    Command(files.merge, files.add_merge, "files"),
-    Command(files.convert, files.add_convert, "files"),
-    Command(files.anonymize, files.add_anonymize, "files"),
-    Command(about.completion, about.add_completion, "files"),
+_GROUPS: dict[str, tuple[Callable[[argparse.Namespace], None], ...]] = {
+    "first": (
+        demo.demo,
+        app.app,
+        files.info,
+        identify.identify,
+        results.compare,
+        results.mac,
+        results.report,
+        watch.watch,
+    ),
+    "look": (results.plot, spectra.psd, spectra.ods),
+    "check": (results.refine, results.certify, results.next, about.methods, about.reproduce),
+    "models": (results.realize, results.validate, files.simulate),
+    "files": (spectra.frf, files.merge, files.convert, files.anonymize, about.completion),
+}
+#: Beside each command `name` its module has `add_name`.
+COMMANDS = tuple(
+    Command(run, getattr(modules[run.__module__], f"add_{run.__name__}"), group)
+    for group, members in _GROUPS.items()
+    for run in members
 )
 
 _EXAMPLE = "modalscope identify test.uff -o report.html"
+_MORE = "modalscope COMMAND --help lists the options of a command; modalscope --version prints the version."
+_ABOUT = "Modal identification: from measured data to modes of a structure."
 
 
 def names() -> tuple[str, ...]:
@@ -77,9 +76,7 @@ class Overview(Parser):
         for group, members in groupby(COMMANDS, key=lambda command: command.group):
             lines = [fill(f"{c.name:11} {c.title}", 96, **_INDENT) for c in members]
             parts.append("\n".join([group, *lines]))
-        parts.append(
-            "modalscope COMMAND --help lists the options of a command; modalscope --version prints the version."
-        )
+        parts.append(_MORE)
         return "\n\n".join(parts) + "\n"
 
 
@@ -88,9 +85,7 @@ _INDENT: dict[str, Any] = {"initial_indent": "    ", "subsequent_indent": 16 * "
 
 def build_parser() -> Parser:
     """Return the parser; each command carries the function that runs it."""
-    parser = Overview(
-        prog="modalscope", description="Modal identification: from measured data to modes of a structure."
-    )
+    parser = Overview(prog="modalscope", description=_ABOUT)
     parser.add_argument("--version", action="version", version=__version__)
     commands = parser.add_subparsers(metavar="COMMAND", parser_class=Parser)
     for command in COMMANDS:

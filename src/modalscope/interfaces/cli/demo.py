@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import argparse
-from pathlib import Path
 from typing import TYPE_CHECKING
 
-from modalscope.interfaces.cli.parser import Parser, add_force
+from modalscope.interfaces.cli.parser import Parser, add_page
 from modalscope.interfaces.cli.process import progress, remark, say
 
 if TYPE_CHECKING:
@@ -19,9 +18,7 @@ _SET, _BAND = "beam_hammer", (100.0, 4500.0)
 
 def add_demo(parser: Parser) -> None:
     """Add the arguments of `demo`."""
-    where = "report to write: .html, .docx or .pptx (default: demo-report.html)"
-    parser.add_argument("-o", "--output", type=Path, default=Path("demo-report.html"), metavar="FILE", help=where)
-    add_force(parser)
+    add_page(parser, "demo-report.html", "report to write: .html, .docx or .pptx")
 
 
 def demo(options: argparse.Namespace) -> None:
@@ -38,10 +35,8 @@ def demo(options: argparse.Namespace) -> None:
     check_output(options.output, (), options.force)
     data, published = load(_SET), reference(_SET)
     outputs, inputs = len(data.output_dofs), len(data.input_dofs)
-    remark(
-        f"{_SET}: {outputs} accelerometers, {inputs} hammer points, {data.lines} lines; band {_BAND[0]:g} to {_BAND[1]:g} Hz",
-        "",
-    )
+    sizes = f"{outputs} accelerometers, {inputs} hammer points, {data.lines} lines"
+    remark(f"{_SET}: {sizes}; band {_BAND[0]:g} to {_BAND[1]:g} Hz", "")
     with progress("identifying") as show:
         result = analyze(data, band=_BAND, progress=show)
     say(_table(result.modes, published), "", _inside(result.modes, published))
@@ -64,8 +59,7 @@ def _table(modes: ModalModel, published: ModalModel) -> str:
     width, nearest = head.index("grade") + 1, _beside(modes, published)
     lines = [[*head[:width], "published: f [Hz]", "damping [%]"]]
     for k, row in enumerate(rows):
-        known = nearest.get(k)
-        texts = ("-", "-") if known is None else _as_published(published[known])
+        texts = _as_published(published[nearest[k]]) if k in nearest else ("-", "-")
         lines.append([*row[:width], *texts])
     return text_table(lines, left=[width - 1])
 
@@ -78,10 +72,8 @@ def _inside(modes: ModalModel, published: ModalModel) -> str:
     """Return how many published values, which are rounded to .1 Hz and .01 %, their modes' intervals reach."""
     ends, pairs = modes.interval(0.95), _beside(modes, published)
     counts = []
-    for name, values, rounding in (
-        ("frequency", published.frequencies, 0.05),
-        ("damping_ratio", published.damping_ratios, 0.5e-4),
-    ):
+    known = {"frequency": (published.frequencies, 0.05), "damping_ratio": (published.damping_ratios, 0.5e-4)}
+    for name, (values, rounding) in known.items():
         low, high = ends[name].T
         counts.append(sum(bool(low[i] - rounding <= values[k] <= high[i] + rounding) for i, k in pairs.items()))
     n = len(published)

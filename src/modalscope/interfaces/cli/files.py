@@ -19,9 +19,9 @@ _MOST_LISTED = 4
 def add_info(parser: Parser) -> None:
     """Add the arguments of `info`."""
     add_files(parser)
-    words = "search every pair of many channels for outlying lines, and every output for a wrong quantity"
-    parser.add_argument("--whole", action="store_true", help=words)
-    parser.add_argument("--each", action="store_true", help="each file, and each test in it, by itself")
+    whole = "search every pair of many channels for outlying lines, and every output for a wrong quantity"
+    parser.add("--whole", whole)
+    parser.add("--each", "each file, and each test in it, by itself")
 
 
 def info(options: argparse.Namespace) -> None:
@@ -86,17 +86,14 @@ def _say_quality(options: argparse.Namespace, data: Any) -> None:
         units = (*units, *start)
     with progress("examining"):
         findings = examine(measured, whole=options.whole)
-    say(
-        *(f"note: {note}" if note.kind == "start" else f"units: {note}" for note in units),
-        "quality:" if findings else "quality: no data problem found",
-    )
-    say(*(f"  {finding}" for finding in findings))
+    say(*(f"{'note' if note.kind == 'start' else 'units'}: {note}" for note in units))
+    say("quality:" if findings else "quality: no data problem found", *(f"  {finding}" for finding in findings))
 
 
 def add_convert(parser: Parser) -> None:
     """Add the arguments of `convert`."""
-    parser.add_argument("input", type=Path, help="file to read")
-    parser.add_argument("output", type=Path, help="file to write; its suffix is the format")
+    parser.add("input", "file to read", type=Path)
+    parser.add("output", "file to write; its suffix is the format", type=Path)
     add_reading(parser)
     add_force(parser)
 
@@ -115,9 +112,8 @@ def convert(options: argparse.Namespace) -> None:
 
 def add_anonymize(parser: Parser) -> None:
     """Add the arguments of `anonymize`."""
-    add = parser.add_argument
-    add("file", type=Path, help="text, .xlsx, .mat or universal file")
-    add("-o", "--output", type=Path, required=True, metavar="FILE", help="stand-in to write, of the same suffix")
+    parser.add("file", "text, .xlsx, .mat or universal file", type=Path)
+    parser.add("-o/--output FILE", "stand-in to write, of the same suffix", required=True)
     add_force(parser)
 
 
@@ -146,12 +142,11 @@ def add_merge(parser: Parser) -> None:
 def merge(options: argparse.Namespace) -> None:
     """Merge the files of one test, runs or setups, into one file."""
     from modalscope.data import Setups
-    from modalscope.interfaces.cli.output import DATA, check_outputs, require_output, write_data
+    from modalscope.interfaces.cli.output import DATA, check_outputs, write_data
     from modalscope.interfaces.cli.reading import read_test
     from modalscope.signals.preprocess.setups import correlations, merge_setups
 
-    require_output(options, "test.npz")
-    check_outputs(options, options.files, DATA)
+    check_outputs(options, options.files, DATA, "test.npz")
     data, notes = read_test(options)
     if isinstance(data, Setups):  # no format stores several records: their merged correlation is one
         with progress("merging"):
@@ -163,15 +158,15 @@ def merge(options: argparse.Namespace) -> None:
 
 def add_simulate(parser: Parser) -> None:
     """Add the arguments of `simulate`."""
-    parser.add_argument("system", help="a structure of the catalog; 'list' prints the catalog")
-    parser.add_argument("-o", "--output", type=Path, help="file to write")
+    parser.add("system", "a structure of the catalog; 'list' prints the catalog")
+    parser.add("-o/--output OUTPUT", "file to write", type=Path)
     add_force(parser)
-    parser.add_argument("--kind", default="frf", help="frf, impulse, records or ambient (default: frf)")
+    parser.add("--kind KIND", "frf, impulse, records or ambient (default: frf)", default="frf")
     samples = "samples or lines (default: 1000 lines, 2000 samples, 20000 samples of a record)"
-    parser.add_argument("--samples", type=int, help=samples)
-    parser.add_argument("--quantity", default="acceleration", help="displacement, velocity or acceleration (default)")
-    parser.add_argument("--noise", type=float, metavar="DB", help="signal-to-noise ratio in dB (default: no noise)")
-    parser.add_argument("--seed", type=int, default=0, help="seed of the noise (default: 0)")
+    parser.add("--samples SAMPLES", samples, type=int)
+    parser.add("--quantity QUANTITY", "displacement, velocity or acceleration (default)", default="acceleration")
+    parser.add("--noise DB", "signal-to-noise ratio in dB (default: no noise)")
+    parser.add("--seed SEED", "seed of the noise (default: 0)", type=int, default=0)
 
 
 def simulate(options: argparse.Namespace) -> None:

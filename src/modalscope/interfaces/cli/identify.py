@@ -63,21 +63,18 @@ def add_identify(parser: Parser) -> None:
     add_orders(parser)
     add_choices(parser, bands=True)
     add = parser.group("modes")
-    add("--frequencies", nargs="+", type=float, metavar="HZ", help="report the modes at these frequencies only")
-    add("--take", nargs="+", type=float, metavar="HZ", help="also report the modes at these frequencies")
-    add("--refuse", nargs="+", type=float, metavar="HZ", help="do not report the modes at these frequencies")
-    add("--no-refine", dest="refine", action="store_false", help="no maximum likelihood refinement")
+    add("--frequencies HZ...", "report the modes at these frequencies only")
+    add("--take HZ...", "also report the modes at these frequencies")
+    add("--refuse HZ...", "do not report the modes at these frequencies")
+    add("--no-refine", "no maximum likelihood refinement", dest="refine", action="store_false")
     add = parser.group("output")
-    add("--all", action="store_true", help="also print the candidates left out, with reasons")
-    add("--wide", action="store_true", help="print all columns: spreads, significance, indicators")
+    add("--all", "also print the candidates left out, with reasons")
+    add("--wide", "print all columns: spreads, significance, indicators")
     add = parser.group("several files")
-    add(
-        "--each",
-        action="store_true",
-        help="each file, and each test in it, by itself: one table, with modes paired to those of the first file",
-    )
-    add("--reference", type=Path, metavar="MODES", help="with --each: file of modes to pair with")
-    add("--apart", action="store_true", help="identify the setups one by one and merge their modes, not their records")
+    each = "each file, and each test in it, by itself: one table, with modes paired to those of the first file"
+    add("--each", each)
+    add("--reference MODES", "with --each: file of modes to pair with")
+    add("--apart", "identify the setups one by one and merge their modes, not their records")
     add_outside(parser)
     add_workers(parser)
     add_expert(parser)
@@ -100,10 +97,8 @@ def identify(options: argparse.Namespace) -> None:
         asked = "a report covers one measurement"
         raise DataError(asked, "setups identified apart are several", "Write .json or .csv, or one report per setup.")
     result = result_of(options, options.files)
-    written = [
-        *write_outputs(options, result),
-        *write_pictures(options, options.outputs, result.modes, result.diagrams),
-    ]
+    written = write_outputs(options, result)
+    written += write_pictures(options, result.modes, result.diagrams)
     _print(result, everything=options.all, wide=options.wide)
     say(*written)
 
@@ -133,11 +128,10 @@ def _client(address: str, stack: ExitStack) -> Any:
         count = address.removeprefix(_LOCAL_ADDRESS).removeprefix(":")
         if count and not (count.isdecimal() and int(count)):
             raise _wrong(address, f"{count!r} is no number of processes")
-        workers = {"n_workers": int(count)} if count else {}
+        workers: dict[str, Any] = {"n_workers": int(count)} if count else {}
         stack.enter_context(optional_package("--scheduler", "dask", "cluster").config.set(LOCAL_SETTINGS))
-        address = stack.enter_context(
-            distributed.LocalCluster(**workers, threads_per_worker=1, dashboard_address=None, silence_logs=40)
-        )
+        workers |= {"threads_per_worker": 1, "dashboard_address": None, "silence_logs": 40}
+        address = stack.enter_context(distributed.LocalCluster(**workers))
     try:
         client = stack.enter_context(distributed.Client(address, timeout=_CONNECT_SECONDS))
         if not client.nthreads():
@@ -152,28 +146,20 @@ def _wrong(address: str, reason: str) -> DataError:
     return DataError(f"--scheduler {address} was asked", reason, remedy)
 
 
-def result_of(options: argparse.Namespace, files: list[Path]) -> Result:
-    """Return the result of the files of one test with the choices of the command line."""
+def result_of(options: argparse.Namespace, files: list[Path], saved: str = ".analysis.json") -> Result:
+    """Return the result of the files of one test with the choices of the command line, or of a saved analysis, repeated."""
     from modalscope.analysis.workflow.analyze import analyze
     from modalscope.analysis.workflow.replay import replay
-    from modalscope.interfaces.cli.reading import choices, parse_orders, reading_options
+    from modalscope.interfaces.cli.reading import choices, reading_options
 
-    if len(files) == 1 and files[0].name.lower().endswith(".analysis.json"):
+    if len(files) == 1 and files[0].name.lower().endswith(saved):
         with progress("identifying") as show:
             return replay(files[0], allow_outside=options.allow_outside, progress=show)
-    given = choices(options) | {
-        name: getattr(options, name) for name in ("method", "domain", "frequencies", "refine", "apart")
-    }
+    given = choices(options) | {name: getattr(options, name) for name in ("frequencies", "refine", "apart")}
+    given |= {"take": options.take or (), "refuse": options.refuse or ()}
+    reading = [reading_options(options, path) for path in files]
     with workers_of(options), progress("identifying") as show:
-        return analyze(
-            files[0] if len(files) == 1 else files,
-            orders=parse_orders(options.orders),
-            take=options.take or (),
-            refuse=options.refuse or (),
-            reading=[reading_options(options, path) for path in files],
-            progress=show,
-            **given,
-        )
+        return analyze(files[0] if len(files) == 1 else files, reading=reading, progress=show, **given)
 
 
 #: Notes on how the data are interpreted, printed before the modes.
@@ -235,14 +221,13 @@ def _run_each(options: argparse.Namespace) -> None:
     An output names the files to write: `-o results.json` gives results_NAME.json for every NAME. A file that cannot be used is one line on
     stderr, and the others are identified; the exit status is 4 then, and 2 if none could be used.
     """
-    from modalscope.interfaces.cli.output import check_output, write_file, write_pictures
+    from modalscope.interfaces.cli.output import check_output, write_outputs, write_pictures
     from modalscope.interfaces.cli.reading import each_test, read_modes
 
     each = each_test(options)
     reference = None if options.reference is None else read_modes(options, options.reference)
-    places = [
-        [out.with_name(f"{out.stem}_{_as_stem(name)}{out.suffix}") for out in options.outputs] for name, _ in each
-    ]
+    stems = [_as_stem(name) for name, _ in each]
+    places = [[out.with_name(f"{out.stem}_{stem}{out.suffix}") for out in options.outputs] for stem in stems]
     targets = [place for group in places for place in group]
     for target in targets:
         check_output(target, options.files, options.force)
@@ -258,9 +243,8 @@ def _run_each(options: argparse.Namespace) -> None:
             complain(f"{name}: {error.args[0]}")
             failed.append(name)
             continue
-        for place in written:
-            remark(write_file(options, place, result, str(alone.files[0])))
-        remark(*write_pictures(options, written, result.modes, result.diagrams))
+        alone.outputs = written
+        remark(*write_outputs(alone, result), *write_pictures(alone, result.modes, result.diagrams))
         tests.append((name, result.modes))
     if tests:
         say(_table(tests, reference))

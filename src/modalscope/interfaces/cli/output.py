@@ -20,19 +20,23 @@ if TYPE_CHECKING:
     from modalscope.analysis.checking.certificate import Certificate
 
 #: Suffixes of reports, data, pictures and results.
-_PAGES = (".html", ".htm", ".docx", ".pptx")
+PAGES = (".html", ".htm", ".docx", ".pptx")
 DATA = (".uff", ".unv", ".npz", ".mat", ".h5", ".hdf5", ".csv")
 PICTURES = (".png", ".svg", ".pdf")
-_RESULTS = (".json", ".csv", ".uff", ".unv", ".xlsx", *_PAGES, ".npz", ".h5", ".hdf5", ".mat")
+_RESULTS = (".json", ".csv", ".uff", ".unv", ".xlsx", *PAGES, ".npz", ".h5", ".hdf5", ".mat")
 
 
 def is_page(path: Path) -> bool:
     """Whether the file is a report."""
-    return path.suffix.lower() in _PAGES
+    return path.suffix.lower() in PAGES
 
 
-def check_outputs(options: argparse.Namespace, sources: Iterable[Path], suffixes: tuple[str, ...] = _RESULTS) -> None:
-    """Raise for output names that cannot be written, before the work is done."""
+def check_outputs(
+    options: argparse.Namespace, sources: Iterable[Path], suffixes: tuple[str, ...] = _RESULTS, example: str = ""
+) -> None:
+    """Raise for output names that cannot be written, before the work is done; with an example, for none, too."""
+    if example and not options.outputs:
+        raise DataError("this command writes a file", "no -o was given", f"Add for instance -o {example}.")
     for path in options.outputs:
         if str(path) != STDOUT:
             check_output(path, sources, options.force, suffixes)
@@ -49,9 +53,8 @@ def check_output(path: Path, sources: Iterable[Path], force: bool, suffixes: tup
     if not target.parent.is_dir():
         raise DataError(asked, f"there is no folder {target.parent}", "Name a file in an existing folder.")
     if not force and target.exists() and target.stat().st_size and not is_ours(target):
-        raise DataError(
-            asked, "the file exists and modalscope did not write it", "Choose another name, or use --force."
-        )
+        fault = "the file exists and modalscope did not write it"
+        raise DataError(asked, fault, "Choose another name, or use --force.")
 
 
 def write_outputs(
@@ -65,7 +68,8 @@ def write_outputs(
     source = ", ".join(map(str, options.files))
     fields = {"data": {"file": Path(source).name}, **fields}
     named = [path for path in options.outputs if str(path) != STDOUT]
-    messages = [write_file(options, path, result, source, certificate, fields, record) for path in named]
+    reported = {"source": source, "certificate": certificate, "data": record}
+    messages = [write_file(options, path, result, fields, **reported) for path in named]
     if STDOUT in map(str, options.outputs):
         with progress("writing"):
             document = _document(result, fields)
@@ -73,23 +77,15 @@ def write_outputs(
     return messages
 
 
-def write_file(
-    options: argparse.Namespace,
-    path: Path,
-    result: Any,
-    source: str,
-    certificate: Certificate | None = None,
-    fields: dict[str, Any] | None = None,
-    record: Any = None,
-) -> str:
-    """Write a result to one file, a report or data, and return the message."""
+def write_file(options: argparse.Namespace, path: Path, result: Any, fields: dict[str, Any], **reported: Any) -> str:
+    """Write a result to one file, a report or data, and return the message; `reported`: what a report takes besides."""
     with progress(f"writing {path.name}"):
         if not is_page(path):
-            return _write(path, result, fields or {})
+            return _write(path, result, fields)
         from modalscope.interfaces.reporting import report
 
-        told = {"source": source, "command": options.command_line, "header": getattr(options, "header", None)}
-        report(result, path, certificate=certificate, data=record, **told)
+        header = getattr(options, "header", None)
+        report(result, path, command=options.command_line, header=header, **reported)
         return f"written: {path}"
 
 
@@ -107,12 +103,6 @@ def _document(result: Any, fields: dict[str, Any]) -> str:
         PENDING.discard(place)
 
 
-def require_output(options: argparse.Namespace, example: str) -> None:
-    """Raise if a command that only writes files has no output."""
-    if not options.outputs:
-        raise DataError("this command writes a file", "no -o was given", f"Add for instance -o {example}.")
-
-
 def write_picture(path: Path, draw: Callable[..., Axes], *given: Any, **options: Any) -> str:
     """Draw a picture, write it with the mark of the program, and return the message."""
     from matplotlib.figure import Figure
@@ -126,22 +116,21 @@ def write_picture(path: Path, draw: Callable[..., Axes], *given: Any, **options:
 
 
 def write_pictures(
-    options: argparse.Namespace, outputs: Sequence[Path], modes: ModalModel, diagrams: Sequence[StabilizationDiagram]
+    options: argparse.Namespace, modes: ModalModel, diagrams: Sequence[StabilizationDiagram]
 ) -> list[str]:
     """Write the pictures of a result, named after its first output, and return a message per file.
 
-    `options`: `files`, `pictures` (a suffix or None), `force`.
+    `options`: `files`, `outputs`, `pictures` (a suffix or None), `force`.
     """
     if options.pictures is None:
         return []
     from modalscope.interfaces.plot.gallery import pictures_of
     from modalscope.interfaces.plot.on_axes import painted
 
-    named = [path for path in outputs if str(path) != STDOUT]
+    named = [path for path in options.outputs if str(path) != STDOUT]
     if not named:
-        raise DataError(
-            "--pictures names its files after an output", "no -o was given", "Add for instance -o report.html."
-        )
+        asked = "--pictures names its files after an output"
+        raise DataError(asked, "no -o was given", "Add for instance -o report.html.")
     messages = []
     for name, picture in pictures_of(modes, diagrams).items():
         path = named[0].with_name(f"{named[0].stem}_{name}.{options.pictures}")

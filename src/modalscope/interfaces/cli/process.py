@@ -17,7 +17,7 @@ from functools import partial
 from pathlib import Path
 from threading import current_thread, main_thread
 from time import monotonic
-from types import FrameType
+from types import FrameType, SimpleNamespace
 from typing import Any, NoReturn
 
 #: The name of an output that means JSON on stdout.
@@ -84,19 +84,8 @@ def _stop(number: int, frame: FrameType | None) -> NoReturn:
     os._exit(128 + number)
 
 
-class Voice:
-    """Destination of messages.
-
-    Attributes
-    ----------
-    aside : bool
-        Stdout is for a document: messages go to stderr.
-    """
-
-    aside: bool = False
-
-
-VOICE = Voice()
+#: Where messages go; `aside`: to stderr, as stdout is for a document.
+VOICE = SimpleNamespace(aside=False)
 
 #: What the command line tells beside results. Its records also reach the logger of the program, `modalscope`.
 _LOG = logging.getLogger("modalscope.interfaces.cli")

@@ -16,7 +16,7 @@ from modalscope.io.contents import SeveralTests
 from modalscope.io.options import TEXT
 
 #: Options of `modalscope.io.read` that the command line has under the same names.
-_READ_OPTIONS = ("sampling_rate", "conjugate", *TEXT)
+_READ_OPTIONS = ("quantity", "sampling_rate", "conjugate", "exact_nodes", *TEXT)
 
 
 def read_data(options: argparse.Namespace, path: Path) -> tuple[Any, tuple[Note, ...]]:
@@ -78,11 +78,14 @@ def read_modes(options: argparse.Namespace, path: Path) -> ModalModel:
 
 
 def choices(options: argparse.Namespace) -> dict[str, Any]:
-    """Return the band or bands, route, delays, reciprocity and excluded channels as keyword arguments of the identification."""
+    """Return what a command is told of the identification as its keyword arguments: bands, channels, route, method, orders."""
     several = [options.band] if options.band and isinstance(options.band[0], float) else options.band or ()
     bands = [tuple(band) for band in several]
-    given = {name: getattr(options, name) for name in ("route", "reciprocal", "exclude")}
-    given |= {name: value for name in EXPERT if (value := getattr(options, name, None)) is not None}
+    told = vars(options)
+    names = ("route", "reciprocal", "exclude", "method", "domain")
+    given: dict[str, Any] = {name: told[name] for name in names if name in told}
+    given |= {"orders": parse_orders(options.orders)} if "orders" in told else {}
+    given |= {name: told[name] for name in EXPERT if told.get(name) is not None}
     given |= {name: parse_shifts(name, given[name]) for name in ("row_shifts", "column_shifts") if name in given}
     return {"band": bands[0] if len(bands) == 1 else bands or None, "delays": parse_delays(options.delays), **given}
 
@@ -105,12 +108,10 @@ def reading_options(options: argparse.Namespace, path: Path) -> dict[str, Any]:
     add_reading(usual)
     options = usual.parse_args([], argparse.Namespace(**vars(options)))  # of a command that has none the defaults
     set_max_memory(options.max_memory)
-    given: dict[str, Any] = {"quantity": options.quantity} if options.quantity else {}
-    given |= {name: value for name in _READ_OPTIONS if (value := getattr(options, name)) not in (None, False)}
+    values = {name: getattr(options, name) for name in _READ_OPTIONS}
+    given: dict[str, Any] = {name: value for name, value in values.items() if value not in (None, False)}
     if options.geometry:
         given["geometry"] = [options.geometry, options.lines] if options.lines else options.geometry
-    if options.exact_nodes:
-        given["exact_nodes"] = True
     if options.units:
         given["units"] = _pairs("units", options.units.split(","), '"2=N,AccA=m/s^2"')
     for name, example in (("rename", "y=outputs"), ("axes", "values=inputs,outputs,lines")):

@@ -27,16 +27,15 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from modalscope.analysis.comparing.run import MethodResult
-    from modalscope.data.results import Result
 
 
 def add_realize(parser: Parser) -> None:
     """Add the arguments of `realize`."""
     add_files(parser)
-    parser.add_argument("--order", type=int, help="number of states (default: chosen by the data)")
+    parser.add("--order ORDER", "number of states (default: chosen by the data)", type=int)
     part = "share of records with inputs held out to judge candidates (default .25; 0: none)"
-    parser.add_argument("--holdout", type=float, default=0.25, metavar="PART", help=part)
-    parser.add_argument("--unstable", action="store_true", help="keep poles that grow")
+    parser.add("--holdout PART", part, default=0.25)
+    parser.add("--unstable", "keep poles that grow")
     add_method(parser)
     add_choices(parser)
     add_outputs(parser, "write A, B, C, D as .mat, .npz, .h5 or .json, or a report of records with inputs, .html")
@@ -46,22 +45,14 @@ def realize(options: argparse.Namespace) -> None:
     """Identify a state-space model for control design, of records with inputs the one that simulates best what it was not fitted to."""
     from modalscope.analysis.workflow.realize import realize
     from modalscope.data.shown import summary_of
-    from modalscope.interfaces.cli.output import check_outputs, require_output, write_outputs
+    from modalscope.interfaces.cli.output import check_outputs, write_outputs
     from modalscope.interfaces.cli.reading import choices, read_test
 
-    require_output(options, "model.mat")
-    check_outputs(options, options.files, (".mat", ".npz", ".h5", ".hdf5", ".json", ".html"))
+    check_outputs(options, options.files, (".mat", ".npz", ".h5", ".hdf5", ".json", ".html"), "model.mat")
     data, notes = read_test(options)
     with progress("identifying"):
-        model = realize(
-            data,
-            method=options.method,
-            domain=options.domain,
-            order=options.order,
-            stable=not options.unstable,
-            holdout=options.holdout,
-            **choices(options),
-        )
+        own = {"order": options.order, "stable": not options.unstable, "holdout": options.holdout}
+        model = realize(data, **own, **choices(options))
     written = write_outputs(options, model, record=data, data={"file": ""})
     remark(*notes, *model.notes)
     if model.validation is not None:
@@ -72,12 +63,10 @@ def realize(options: argparse.Namespace) -> None:
 
 def add_validate(parser: Parser) -> None:
     """Add the arguments of `validate`."""
-    parser.add_argument(
-        "model", type=Path, metavar="MODEL", help="state-space model, as `modalscope realize` writes it, or modes"
-    )
+    parser.add("model MODEL", "state-space model, as `modalscope realize` writes it, or modes", type=Path)
     add_files(parser)
     sides = "of modes: sides that are left out in turn (default: inputs)"
-    parser.add_argument("--leaving", choices=("inputs", "outputs"), default="inputs", help=sides)
+    parser.add("--leaving {inputs,outputs}", sides, default="inputs")
     add_outputs(parser, "of a model: draw measured against simulated outputs, .png, .svg or .pdf")
 
 
@@ -111,10 +100,9 @@ def validate(options: argparse.Namespace) -> None:
 def add_refine(parser: Parser) -> None:
     """Add the arguments of `refine`."""
     add_files(parser)
-    parser.add_argument("--modes", type=Path, required=True, help="modes to start from: .json, .npz, .mat or .h5")
+    parser.add("--modes MODES", "modes to start from: .json, .npz, .mat or .h5", required=True)
     add_choices(parser)
-    complete = "add poles that are significant in the residual, where it is white"
-    parser.add_argument("--complete", action="store_true", help=complete)
+    parser.add("--complete", "add poles that are significant in the residual, where it is white")
     add_outputs(parser, "write .json, .csv, .uff, .npz, .mat or .h5")
 
 
@@ -141,10 +129,10 @@ def add_certify(parser: Parser) -> None:
     add_method(parser)
     add_orders(parser)
     add_choices(parser, bands=True)
-    parser.add_argument("--no-refine", dest="refine", action="store_false", help="certify the values of the diagram")
-    parser.add_argument("--replicates", type=int, default=40, metavar="N", help="number of simulations (default: 40)")
-    parser.add_argument("--select", action="store_true", help="repeat the selection of modes in each simulation")
-    parser.add_argument("--seed", type=int, default=0, help="seed of the simulations (default: 0)")
+    parser.add("--no-refine", "certify the values of the diagram", dest="refine", action="store_false")
+    parser.add("--replicates N", "number of simulations (default: 40)", default=40)
+    parser.add("--select", "repeat the selection of modes in each simulation")
+    parser.add("--seed SEED", "seed of the simulations (default: 0)", type=int, default=0)
     add_outside(parser)
     add_outputs(parser, "write the modes with corrected intervals (.json, .csv, .uff), or an .html report")
     parser.set_defaults(frequencies=None, take=None, refuse=None, apart=False)
@@ -156,14 +144,14 @@ def certify(options: argparse.Namespace) -> None:
     The modes of a file are identified, the same case is simulated repeatedly, and the coverage of each interval is counted.
     """
     from modalscope.analysis.checking.certify import certify
+    from modalscope.interfaces.cli.identify import result_of
     from modalscope.interfaces.cli.output import check_outputs, write_outputs
 
     check_outputs(options, options.files)
-    result = _certified(options)
+    result = result_of(options, options.files, saved=".json")
     with progress("simulating", "replicate") as show:
-        certificate = certify(
-            result, replicates=options.replicates, select=options.select, seed=options.seed, progress=show
-        )
+        own = {name: getattr(options, name) for name in ("replicates", "select", "seed")}
+        certificate = certify(result, progress=show, **own)
     written = write_outputs(options, replace(result, modes=certificate.modes), certificate=certificate)
     diagram = result.diagram
     say(f"{diagram.method} ({diagram.domain}), simulated at order {certificate.order}\n\n{certificate.table()}")
@@ -172,27 +160,15 @@ def certify(options: argparse.Namespace) -> None:
     say("\nall intervals hold" if passed else f"\nwith corrected intervals:\n\n{certificate.modes.table()}", *written)
 
 
-def _certified(options: argparse.Namespace) -> Result:
-    """Return the result of a saved analysis, repeated, or of data."""
-    from modalscope.analysis.workflow.replay import replay
-    from modalscope.interfaces.cli.identify import result_of
-
-    if options.files[0].suffix.lower() != ".json":
-        return result_of(options, options.files)
-    with progress("identifying") as show:
-        return replay(options.files[0], allow_outside=options.allow_outside, progress=show)
-
-
 def add_compare(parser: Parser) -> None:
     """Add the arguments of `compare`."""
     add_files(parser)
     methods = "rows or cells of the table, such as era alternate/s (default: all)"
-    parser.add_argument("--methods", nargs="+", default=["all"], metavar="METHOD", help=methods)
-    parser.add_argument("--all-sets", action="store_true", help="also run the rows without a vote, and show them")
+    parser.add("--methods METHOD...", methods, default=["all"])
+    parser.add("--all-sets", "also run the rows without a vote, and show them")
     add_orders(parser)
     add_choices(parser)
-    replicates = "certify the intervals by this many simulations (see certify)"
-    parser.add_argument("--replicates", type=int, default=0, metavar="N", help=replicates)
+    parser.add("--replicates N", "certify the intervals by this many simulations (see certify)", default=0)
     add_outputs(parser, "write .json, .csv, .uff (the consensus) or an .html report")
 
 
@@ -204,24 +180,16 @@ def compare(options: argparse.Namespace) -> None:
     """
     from modalscope.analysis.comparing import compare
     from modalscope.interfaces.cli.output import check_outputs, write_outputs
-    from modalscope.interfaces.cli.reading import choices, parse_orders, read_test
+    from modalscope.interfaces.cli.reading import choices, read_test
 
-    orders = parse_orders(options.orders)
+    given = choices(options) | {"replicates": options.replicates, "all_sets": options.all_sets}
     check_outputs(options, options.files)
     data, notes = read_test(options)
+    methods = "all" if options.methods == ["all"] else options.methods
     with progress("comparing") as show:
-        comparison = compare(
-            data,
-            "all" if options.methods == ["all"] else options.methods,
-            orders=orders,
-            progress=show,
-            replicates=options.replicates,
-            all_sets=options.all_sets,
-            partial=_explain_result,
-            **choices(options),
-        )
+        comparison = compare(data, methods, progress=show, partial=_explain_result, **given)
     comparison = replace(comparison, notes=(*notes, *comparison.notes))
-    written = write_outputs(options, comparison, method="consensus", domain="all", orders=orders or ())
+    written = write_outputs(options, comparison, method="consensus", domain="all", orders=given["orders"] or ())
     remark(*notes)
     hint = () if options.verbose or options.quiet else ("\n-v prints the values of every method",)
     say(comparison.table(each=options.verbose), *hint, *written)
@@ -239,8 +207,8 @@ def add_next(parser: Parser) -> None:
     """Add the arguments of `next`."""
     add_files(parser)
     wish = 'what is asked of the modes: "damping 5 %%", "f .1 %%", "shapes .98", or several with commas (default: damping 5 %%)'
-    parser.add_argument("--ask", default="damping 5 %", metavar="TEXT", help=wish)
-    parser.add_argument("--candidates", nargs="+", metavar="DOF", help="places that may be taken (default: all known)")
+    parser.add("--ask TEXT", wish, default="damping 5 %")
+    parser.add("--candidates DOF...", "places that may be taken (default: all known)")
     add_choices(parser)
 
 
@@ -267,10 +235,10 @@ def next(options: argparse.Namespace) -> None:
 
 def add_mac(parser: Parser) -> None:
     """Add the arguments of `mac`."""
-    parser.add_argument("first", type=Path, help="modes: .json, .uff, .npz, .mat or .h5")
-    parser.add_argument("second", type=Path, help="modes to compare with")
+    parser.add("first", "modes: .json, .uff, .npz, .mat or .h5", type=Path)
+    parser.add("second", "modes to compare with", type=Path)
     tolerance = "maximum relative difference of two frequencies (default: 0.1)"
-    parser.add_argument("--tolerance", type=float, default=0.1, help=tolerance)
+    parser.add("--tolerance TOLERANCE", tolerance, type=float, default=0.1)
     add_reading(parser)
     add_outputs(parser, "write the MAC matrix as a picture, .png, .svg or .pdf")
 
@@ -291,11 +259,11 @@ def mac(options: argparse.Namespace) -> None:
 def add_plot(parser: Parser) -> None:
     """Add the arguments of `plot`."""
     add_file(parser)
-    parser.add_argument("--modes", type=Path, metavar="FILE", help="modes to draw over a response or a diagram")
+    parser.add("--modes FILE", "modes to draw over a response or a diagram")
     add_band(parser)
-    parser.add_argument("--mode", type=int, default=1, metavar="K", help="number of the mode, from one (default: 1)")
-    parser.add_argument("--channel", metavar="DOF", help="output to draw (default: the strongest)")
-    parser.add_argument("--input", metavar="DOF", help="input to draw (default: the strongest)")
+    parser.add("--mode K", "number of the mode, from one (default: 1)", type=int, default=1)
+    parser.add("--channel DOF", "output to draw (default: the strongest)")
+    parser.add("--input DOF", "input to draw (default: the strongest)")
     add_outputs(parser, "write .png, .svg or .pdf")
 
 
@@ -304,11 +272,10 @@ def plot(options: argparse.Namespace) -> None:
 
     A response is drawn with the modes of another file over it, records by their spectra, modes by the shape of one of them.
     """
-    from modalscope.interfaces.cli.output import PICTURES, check_outputs, require_output, write_picture
+    from modalscope.interfaces.cli.output import PICTURES, check_outputs, write_picture
     from modalscope.interfaces.cli.reading import read_data, read_modes
 
-    require_output(options, "picture.png")
-    check_outputs(options, [path for path in (options.file, options.modes) if path is not None], PICTURES)
+    check_outputs(options, [path for path in (options.file, options.modes) if path], PICTURES, "picture.png")
     if options.file.suffix.lower() == ".modes":
         say(*_pictures_of_store(options))
         return
@@ -355,10 +322,10 @@ def _picture(data: Any, modes: Any, options: argparse.Namespace) -> Axes:
 
 def add_report(parser: Parser) -> None:
     """Add the arguments of `report`."""
-    parser.add_argument("file", type=Path, help="a result of identify (.json), an .analysis.json, or a diagram")
-    parser.add_argument("--data", type=Path, nargs="+", metavar="FILE", help="the data files, if they were moved")
+    parser.add("file", "a result of identify (.json), an .analysis.json, or a diagram", type=Path)
+    parser.add("--data FILE...", "the data files, if they were moved")
     add_outside(parser)
-    parser.add_argument("--title", help="heading of the report")
+    parser.add("--title TITLE", "heading of the report")
     add_geometry(parser)
     add_outputs(parser, "write .html, .docx or .pptx")
     add_pictures(parser)
@@ -369,27 +336,21 @@ def report(options: argparse.Namespace) -> None:
 
     The result is a .json file of identify, an .analysis.json document or a stabilization diagram. The data file must be unchanged.
     """
-    from modalscope.interfaces.cli.output import check_outputs, require_output, write_pictures
-    from modalscope.interfaces.reporting import report
+    from modalscope.interfaces.cli.output import PAGES, check_outputs, write_file, write_pictures
+    from modalscope.interfaces.plot.web.alive import selected
     from modalscope.io import set_max_memory
-    from modalscope.selection.judging.select import select
 
-    require_output(options, "report.html")
     set_max_memory(options.max_memory)
-    check_outputs(options, (options.file, *(options.data or ())), (".html", ".htm", ".docx", ".pptx"))
+    check_outputs(options, (options.file, *(options.data or ())), PAGES, "report.html")
     with progress("identifying") as show:
         result = _saved(options, show)
     for path in options.outputs:
-        with progress(f"writing {path.name}"):
-            report(result, path, title=options.title, command=options.command_line, header=options.header)
-        say(f"written: {path}")
+        say(write_file(options, path, result, {}, title=options.title))
     if options.pictures is not None:
         options.files = [options.file, *(options.data or ())]
         with progress("selecting"):
-            modes, diagrams = (
-                (result.modes, result.diagrams) if hasattr(result, "modes") else (select(result), (result,))
-            )
-        say(*write_pictures(options, options.outputs, modes, diagrams))
+            modes, diagrams = selected(result)
+        say(*write_pictures(options, modes, diagrams))
 
 
 def _saved(options: argparse.Namespace, show: Any) -> Any:

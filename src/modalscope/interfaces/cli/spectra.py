@@ -14,11 +14,11 @@ _ESTIMATOR_OPTIONS = ("estimator", "segment", "overlap", "window", "period")
 def add_frf(parser: Parser) -> None:
     """Add the arguments of `frf`."""
     add_files(parser)
-    parser.add_argument("--estimator", help="h1 (default), h2, hv, or leakage-free: lpm, lrm")
-    parser.add_argument("--segment", type=int, metavar="N", help="samples per segment; default: chosen by the record")
-    parser.add_argument("--overlap", type=float, help="overlap of consecutive segments, 0 to 1")
-    parser.add_argument("--window", help="window of each segment, such as hann or none")
-    parser.add_argument("--period", type=int, metavar="N", help="samples per period of a periodic excitation")
+    parser.add("--estimator ESTIMATOR", "h1 (default), h2, hv, or leakage-free: lpm, lrm")
+    parser.add("--segment N", "samples per segment; default: chosen by the record")
+    parser.add("--overlap OVERLAP", "overlap of consecutive segments, 0 to 1", type=float)
+    parser.add("--window WINDOW", "window of each segment, such as hann or none")
+    parser.add("--period N", "samples per period of a periodic excitation")
     add_band(parser)
     add_outputs(parser, "write .uff, .npz, .mat, .h5, .csv, or a picture .png, .svg or .pdf")
 
@@ -28,22 +28,14 @@ def frf(options: argparse.Namespace) -> None:
     from modalscope.data import Records, Signals
     from modalscope.data.records import as_records
     from modalscope.data.shown import summary_of
-    from modalscope.interfaces.cli.output import (
-        DATA,
-        PICTURES,
-        check_outputs,
-        require_output,
-        write_data,
-        write_picture,
-    )
+    from modalscope.interfaces.cli.output import DATA, PICTURES, check_outputs, write_data, write_picture
     from modalscope.interfaces.cli.reading import read_test
     from modalscope.interfaces.plot import response
     from modalscope.numerics.checks import check_kind
     from modalscope.signals.doctor import examine
     from modalscope.signals.preprocess.merging import joined_frf
 
-    require_output(options, "frf.uff")
-    check_outputs(options, options.files, (*DATA, *PICTURES))
+    check_outputs(options, options.files, (*DATA, *PICTURES), "frf.uff")
     data, notes = read_test(options)
     check_kind("frequency responses of records", data, (Signals, Records))
     given = {name: value for name in _ESTIMATOR_OPTIONS if (value := getattr(options, name)) is not None}
@@ -51,10 +43,8 @@ def frf(options: argparse.Namespace) -> None:
         frf = joined_frf(as_records(data).stacked(), **given)
     if options.band is not None:
         frf = frf.band(*options.band)
-    written = [
-        write_picture(path, response, frf) if path.suffix.lower() in PICTURES else write_data(path, frf)
-        for path in options.outputs
-    ]
+    drawn = {path for path in options.outputs if path.suffix.lower() in PICTURES}
+    written = [write_picture(p, response, frf) if p in drawn else write_data(p, frf) for p in options.outputs]
     with progress("examining"):
         findings = examine(frf)
     remark(*notes, summary_of(frf), *(f"  {line}" for line in (*frf.processing, *findings)))
@@ -64,10 +54,10 @@ def frf(options: argparse.Namespace) -> None:
 def add_psd(parser: Parser) -> None:
     """Add the arguments of `psd`."""
     add_files(parser)
-    parser.add_argument("--segment", type=int, metavar="N", help="samples per segment (default: 1/20 of the record)")
-    parser.add_argument("--overlap", type=float, default=0.5, help="overlap of consecutive segments (default: 0.5)")
-    parser.add_argument("--window", default="hann", help="window of each segment (default: hann)")
-    parser.add_argument("--peaks", type=int, metavar="N", help="number of peaks (default: all significant ones)")
+    parser.add("--segment N", "samples per segment (default: 1/20 of the record)")
+    parser.add("--overlap OVERLAP", "overlap of consecutive segments (default: 0.5)", type=float, default=0.5)
+    parser.add("--window WINDOW", "window of each segment (default: hann)", default="hann")
+    parser.add("--peaks N", "number of peaks (default: all significant ones)")
     add_outputs(parser, "write a picture, .png, .svg or .pdf")
 
 
@@ -103,13 +93,11 @@ def psd(options: argparse.Namespace) -> None:
 def add_ods(parser: Parser) -> None:
     """Add the arguments of `ods`."""
     add_files(parser)
-    parser.add_argument(
-        "--frequency", nargs="+", type=float, metavar="HZ", help="frequencies; the nearest lines are taken"
-    )
-    parser.add_argument("--order", nargs="+", type=float, metavar="K", help="orders of a rotation, all that are loud")
-    parser.add_argument("--tacho", metavar="CHANNEL", help="channel of pulses, one a turn")
-    parser.add_argument("--time", nargs="+", type=float, metavar="S", help="times of a record, from its first sample")
-    parser.add_argument("--input", metavar="CHANNEL", help="motion per force at one input (default: all)")
+    parser.add("--frequency HZ...", "frequencies; the nearest lines are taken")
+    parser.add("--order K...", "orders of a rotation, all that are loud", type=float)
+    parser.add("--tacho CHANNEL", "channel of pulses, one a turn")
+    parser.add("--time S...", "times of a record, from its first sample")
+    parser.add("--input CHANNEL", "motion per force at one input (default: all)")
     add_outputs(parser, "write the shapes as .uff, .npz, .mat, .h5 or .csv, or a film .gif")
 
 

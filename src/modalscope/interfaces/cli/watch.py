@@ -19,26 +19,24 @@ EXIT_ALARM = 3
 
 def add_watch(parser: Parser) -> None:
     """Add the arguments of `watch`."""
-    add = parser.add_argument
-    add("folder", type=Path, help="folder of records, a file per record; their times stand in the names of the files")
-    add("--store", type=Path, required=True, metavar="FILE", help="store of modes, such as bridge.modes")
-    add("--once", action="store_true", help="store what is there and stop (default: wait for more)")
-    add("--again", action="store_true", help="try files again that could not be used before")
-    words = "seconds between two checks of the folder (default: 10)"
-    add("--every", type=float, default=10.0, metavar="SECONDS", help=words)
-    add("--settled", type=float, default=60.0, metavar="SECONDS", help="how long a file stands still (default: 60)")
-    add("--jobs", type=int, default=1, metavar="N", help="number of processes (default: 1)")
-    add("--scheduler", metavar="ADDRESS", help="Dask scheduler whose workers identify; local:4 starts four processes")
-    words = "report of the period, .html: tracks, covariates, control chart, records that could not be used"
-    add("-o", "--output", type=Path, metavar="REPORT", help=words)
-    words = "times of the sound structure, UTC: changes after them are alarms"
-    add("--reference", nargs=2, metavar=("FIRST", "LAST"), help=words)
-    add("--false-per-year", type=float, default=1.0, metavar="N", help="rate of false alarms (default: 1)")
-    add("--chart", type=Path, metavar="PICTURE", help="with --reference: draw the control chart, .png, .svg or .pdf")
-    words = "with --reference: command run at each alarm; it reads the alarm as JSON from its input"
-    add("--call", metavar="COMMAND", help=words)
-    add("--force", action="store_true", help="replace a picture or report that modalscope did not write")
-    add("--covariates", type=Path, metavar="CSV", help="table of temperature, wind ...: time, then a column for each")
+    add = parser.add
+    folder = "folder of records, a file per record; their times stand in the names of the files"
+    add("folder", folder, type=Path)
+    add("--store FILE", "store of modes, such as bridge.modes", required=True)
+    add("--once", "store what is there and stop (default: wait for more)")
+    add("--again", "try files again that could not be used before")
+    add("--every SECONDS", "seconds between two checks of the folder (default: 10)", default=10.0)
+    add("--settled SECONDS", "how long a file stands still (default: 60)", default=60.0)
+    add("--jobs N", "number of processes (default: 1)", default=1)
+    add("--scheduler ADDRESS", "Dask scheduler whose workers identify; local:4 starts four processes")
+    output = "report of the period, .html: tracks, covariates, control chart, records that could not be used"
+    add("-o/--output REPORT", output)
+    add("--reference FIRST LAST", "times of the sound structure, UTC: changes after them are alarms")
+    add("--false-per-year N", "rate of false alarms (default: 1)", type=float, default=1.0)
+    add("--chart PICTURE", "with --reference: draw the control chart, .png, .svg or .pdf")
+    add("--call COMMAND", "with --reference: command run at each alarm; it reads the alarm as JSON from its input")
+    add("--force", "replace a picture or report that modalscope did not write")
+    add("--covariates CSV", "table of temperature, wind ...: time, then a column for each")
     add_reading(parser)
     add_method(parser)
     add_orders(parser)
@@ -165,12 +163,6 @@ def _look(options: argparse.Namespace, store: Store) -> bool:
 
 def _choices(options: argparse.Namespace) -> dict[str, Any]:
     """Return the choices of the command line as `analyze` takes them."""
-    from modalscope.interfaces.cli.reading import choices, parse_orders, reading_options
+    from modalscope.interfaces.cli.reading import choices, reading_options
 
-    reading = reading_options(options, options.folder)
-    return choices(options) | {
-        "method": options.method,
-        "domain": options.domain,
-        "orders": parse_orders(options.orders),
-        "reading": reading or None,
-    }
+    return choices(options) | {"reading": reading_options(options, options.folder) or None}

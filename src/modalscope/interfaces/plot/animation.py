@@ -88,10 +88,9 @@ def animate(
     target = check_path(path)
     suffix = target.suffix.lower()
     if suffix not in _SUFFIXES or not chosen:
-        asked, formats = f"an animation of {len(chosen)} modes in {target.name!r} was asked", ", ".join(_SUFFIXES)
-        raise DataError(
-            asked, f"it needs a mode, and the formats are {formats}", "Choose a mode and one of these suffixes."
-        )
+        asked = f"an animation of {len(chosen)} modes in {target.name!r} was asked"
+        needs = f"it needs a mode, and the formats are {', '.join(_SUFFIXES)}"
+        raise DataError(asked, needs, "Choose a mode and one of these suffixes.")
     frames = max(2.0, seconds * rate)
     if frames > _MAX_FRAMES:
         asked = f"{seconds:g} s at {rate:g} frames per second were asked"
@@ -137,11 +136,8 @@ def _written(figure: Figure, paint: Paint, frames: int, rate: int, suffix: str) 
         program = optional_package("an animation as .mp4", "imageio_ffmpeg", "video").get_ffmpeg_exe()
     with TemporaryDirectory() as folder, rc_context({"animation.ffmpeg_path": program}):
         place = Path(folder) / f"a{suffix}"
-        writer: Any = (
-            PillowWriter(fps=rate)
-            if suffix == ".gif"
-            else FFMpegWriter(fps=rate, codec="libx264", extra_args=["-pix_fmt", "yuv420p"])
-        )
+        film: dict[str, Any] = {"codec": "libx264", "extra_args": ["-pix_fmt", "yuv420p"]}
+        writer: Any = PillowWriter(fps=rate) if suffix == ".gif" else FFMpegWriter(fps=rate, **film)
         with writer.saving(figure, str(place), _DPI):
             for k in range(frames):
                 paint(2 * np.pi * k / frames)

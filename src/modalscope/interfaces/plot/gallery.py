@@ -11,20 +11,16 @@ from modalscope.interfaces.plot.picture import Picture
 from modalscope.interfaces.plot.responses import response_picture
 from modalscope.interfaces.plot.shapes import shape_picture
 from modalscope.interfaces.plot.web.modes import over_points
-from modalscope.signals.preprocess.singular_spectra import Decomposition
 
 
 def pictures_of(
-    modes: ModalModel,
-    diagrams: Sequence[StabilizationDiagram],
-    spectra: Decomposition | None = None,
-    most: int | None = None,
+    modes: ModalModel, diagrams: Sequence[StabilizationDiagram], most: int | None = None
 ) -> dict[str, Picture]:
     """Return the pictures of a result by name: diagram of all bands, shapes, AutoMAC, strongest response.
 
-    `spectra`: of a record without inputs, drawn behind the poles. `most`: shapes at most. Of one output there are neither shapes nor MAC.
+    `most`: shapes at most. Of one output there are neither shapes nor MAC.
     """
-    pictures = {"diagram": stabilization_picture(diagrams, modes, spectra=spectra)}
+    pictures = {"diagram": stabilization_picture(diagrams, modes)}
     points = over_points(modes, diagrams[0].response)
     if len(points.output_dofs) > 1:
         pictures |= {f"mode{k + 1}": shape_picture(points, k) for k in range(len(modes))[:most]}

@@ -79,19 +79,13 @@ def intervals_picture(modes: ModalModel, of: str) -> Picture:
     reach = _reach(np.nan_to_num(np.abs(ends - values[:, None]).max(axis=1)), np.nan_to_num(np.abs(before - values)))
     rows = np.arange(len(values), dtype=float)
     low, high, was = (np.clip((side - values) / reach, -1, 1) for side in (*ends.T, before))
-    texts = [
-        [f"{v:.{decimals(values[j : j + 1], 6, [float(ends[j][1] - values[j])])}f}" for v in ends[j]]
-        for j in np.flatnonzero(known)
-    ]
     words = "95 % interval: noise" + ("" if modes.frequencies_repeatability is None else ", and what groups disagree")
-    items: list[Item] = [
-        *ranges(rows[known], low[known], high[known], "blue", words, across=True),
-        Marks(np.zeros(len(rows)), rows, "blue", "dot"),
-        *(
-            Words(np.full(known.sum(), 1.08 * x), rows[known], [t[k] for t in texts], side=side)
-            for k, (x, side) in enumerate(((-1, "right"), (1, "left")))
-        ),
-    ]
+    items = ranges(rows[known], low[known], high[known], "blue", words, across=True)
+    items.append(Marks(np.zeros(len(rows)), rows, "blue", "dot"))
+    digits = [decimals(values[j : j + 1], 6, [float(ends[j][1] - values[j])]) for j in np.flatnonzero(known)]
+    for x, side, column in ((-1.08, "right", ends[known, 0]), (1.08, "left", ends[known, 1])):
+        texts = [f"{v:.{d}f}" for v, d in zip(column, digits, strict=True)]
+        items.append(Words(np.full(known.sum(), x), rows[known], texts, side=side))
     none = rows[~known]
     items.append(Words(np.full(len(none), 0.08), none, ["no interval"] * len(none), "muted", "left"))
     if earlier is not None:

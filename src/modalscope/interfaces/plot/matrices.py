@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from modalscope.data import ModalModel, indicators
+from modalscope.data import ModalModel, StabilizationDiagram, indicators
+from modalscope.identification.identify import Identification
 from modalscope.interfaces.plot.diagrams import singular_values_picture
 from modalscope.interfaces.plot.on_axes import painted
 from modalscope.interfaces.plot.picture import (
@@ -24,7 +25,7 @@ from modalscope.interfaces.plot.picture import (
     remark,
 )
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import Array, RealArray, complex_array
+from modalscope.numerics.checks import Array, complex_array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -36,13 +37,8 @@ _MAX_NUMBERED, _DARK = 16, 0.55
 _MAX_TICKS = 40
 
 
-@runtime_checkable
-class Factored(Protocol):
-    """An object with the singular values of its data matrix, such as a diagram."""
-
-    @property
-    def singular_values(self) -> RealArray:
-        """The singular values, largest first."""
+#: What has the singular values of its data matrix.
+Factored = StabilizationDiagram | Identification
 
 
 @named()

@@ -11,6 +11,7 @@ import numpy as np
 from modalscope.data.geometry import Geometry, parse_dof
 from modalscope.data.response import Response
 from modalscope.data.responses import FrequencyResponse
+from modalscope.data.shown import percent
 from modalscope.interfaces.plot._camera import oblique
 from modalscope.interfaces.plot.picture import (
     Areas,
@@ -28,6 +29,7 @@ from modalscope.interfaces.plot.picture import (
 )
 from modalscope.interfaces.plot.responses import both, coherence_of
 from modalscope.interfaces.plot.shapes import with_lines
+from modalscope.interfaces.plot.web.poles import longest_of
 from modalscope.numerics.checks import Array, IntArray, RealArray
 from modalscope.numerics.functions.poles import QUANTITIES
 from modalscope.signals.doctor.polarity import driving_points
@@ -65,9 +67,8 @@ def measured_pictures(data: Any) -> dict[str, Picture]:
 
 def _response_of(data: Any) -> FrequencyResponse | None:
     """Return the lines of data with forces: responses, or those estimated from the longest record; None of others."""
-    runs = getattr(data, "recordings", ())
-    if runs:
-        longest = max(runs, key=lambda run: run.samples)
+    longest = longest_of(data)
+    if longest is not None:
         return None if longest.inputs is None else estimate_frf(longest)
     shown = data.picture() if isinstance(data, Response) else None
     return shown if isinstance(shown, FrequencyResponse) and shown.reciprocal else None
@@ -79,9 +80,8 @@ def points_picture(data: Any, geometry: Geometry, coherence: Array | None) -> Pi
     joined = with_lines(geometry)
     places = joined.coordinates @ oblique().matrix
     at = {node: k for k, node in enumerate(joined.nodes)}
-    seen = {
-        at[node]: o for o, label in enumerate(data.output_dofs) for node, _ in joined.motion_of(label) if node in at
-    }
+    moved = [(node, o) for o, label in enumerate(data.output_dofs) for node, _ in joined.motion_of(label)]
+    seen = {at[node]: o for node, o in moved if node in at}
     nodes, outputs = np.array(list(seen), dtype=int), np.array(list(seen.values()), dtype=int)
     rest = np.setdiff1d(np.arange(len(places)), nodes)
     items: list[Item] = [
@@ -129,10 +129,8 @@ def coherence_picture(response: FrequencyResponse, coherence: Array) -> Picture:
     missing = np.clip(1 - rows, 0, 1).ravel()
     kept = missing > 0.01
     corners = boxes(f[starts][c][kept], ends[c][kept], k[kept] - 0.5, k[kept] + 0.5)
-    names = [
-        f"{plain(response.output_dofs[i], 12)}" + (f" / {plain(response.input_dofs[j], 12)}" if several else "")
-        for i, j in pairs
-    ]
+    inputs = [f" / {plain(dof, 12)}" if several else "" for dof in response.input_dofs]
+    names = [plain(response.output_dofs[i], 12) + inputs[j] for i, j in pairs]
     every = max(1, -(-len(names) // 24))
     named = tuple((float(at), name) for at, name in enumerate(names))[::every]
     across, down = Axis("frequency [Hz]", float(f[0]), float(ends[-1])), Axis("", len(names) - 0.5, -0.5, named=named)
@@ -146,7 +144,7 @@ def driving_picture(response: FrequencyResponse, pairs: Pairs) -> Picture:
     power = QUANTITIES[response.quantity or "displacement"]
     low, high = 90.0 * (power - 1) - 90.0, 90.0 * (power - 1) + 90.0
     f, items = response.frequencies, list[Item]()
-    across = _frequencies(f)
+    across = Axis("frequency [Hz]", float(f[0]), float(f[-1]))
     for k, (i, j, sign) in enumerate(pairs[:_MAX_CURVES]):
         H = sign * response.values[:, i, j]
         phase = (np.degrees(np.angle(H)) - (low + high) / 2 + 180) % 360 - 180 + (low + high) / 2
@@ -172,12 +170,9 @@ def reciprocity_picture(response: FrequencyResponse, pairs: Pairs) -> Picture:
     difference, *sides = max(found)
     names = [f"{plain(response.output_dofs[i], 14)} / {plain(response.input_dofs[j], 14)}" for i, j in sides]
     curves = [np.abs(values[:, i, j]) for i, j in sides]
-    across, upward = _frequencies(f), axis_of(f"magnitude{unit_of(response)}", curves, log=True)
+    across = Axis("frequency [Hz]", float(f[0]), float(f[-1]))
+    upward = axis_of(f"magnitude{unit_of(response)}", curves, log=True)
     lines = both([(f, curve) for curve in curves], (names[0], names[1]))
     words = "Two responses that reciprocity makes equal, of the pair of points that differs most"
-    panel = Panel(across, upward, lines, "Reciprocity", f"differ by {100 * difference:.3g} %")
+    panel = Panel(across, upward, lines, "Reciprocity", f"differ by {percent(difference)}")
     return Picture([panel], words)
-
-
-def _frequencies(f: RealArray) -> Axis:
-    return Axis("frequency [Hz]", float(f[0]), float(f[-1]))

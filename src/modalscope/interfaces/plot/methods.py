@@ -74,10 +74,9 @@ def map_picture(compared: Comparison | Kinship) -> Picture:
         for rank, i in enumerate(members):
             domain = kin.methods[i].domain if kin.methods else "time"
             ink, mark = _DOMAINS.get(domain, ("ink", "diamond"))
-            at, size = places[[i]].T, 1 + 1.3 * rank
-            items.append(
-                Marks(at[0], at[1], ink, "circle" if rank else mark, f"domain {domain}", size, hollow=rank > 0)
-            )
+            mark = "circle" if rank else mark
+            at = places[[i]].T
+            items.append(Marks(at[0], at[1], ink, mark, f"domain {domain}", 1 + 1.3 * rank, hollow=rank > 0))
     panel = Panel(x, y, items, "Map of methods", f"poles of order {kin.order}", equal=True)
     return Picture([panel], "Map of methods", (960, 560))
 

@@ -132,12 +132,11 @@ class _Brush:
         if not len(item.corners):
             return
         strength = np.broadcast_to(np.asarray(item.strength, dtype=float), len(item.corners))
-        areas = PolyCollection(list(item.corners), facecolors=self.ink(item.ink), alpha=strength, **look)
+        look |= {"facecolors": self.ink(item.ink), "alpha": strength}
         if item.tones is not None:
-            areas = PolyCollection(
-                list(item.corners), array=item.tones, alpha=float(strength[0]), zorder=3, **self._signed()
-            )
-            areas.set_edgecolor(self.ink("paper"))
+            edge = {"edgecolors": self.ink("paper"), "zorder": 3}
+            look = {"array": item.tones, "alpha": float(strength[0]), **edge, **self._signed()}
+        areas = PolyCollection(list(item.corners), **look)
         self.ax.add_collection(areas, autolim=True)
 
     def _toned(self, item: Line | Marks) -> None:
@@ -249,9 +248,8 @@ class _Brush:
         """Add a key in rows below the axis label."""
         from matplotlib.transforms import ScaledTranslation
 
-        found = {
-            label: handle for each in axes for handle, label in zip(*each.get_legend_handles_labels(), strict=True)
-        }
+        pairs = [pair for each in axes for pair in zip(*each.get_legend_handles_labels(), strict=True)]
+        found = {label: handle for handle, label in pairs}
         named = [words for words in (escaped(item.words) for item in picture.key()) if words in found]
         figure = self.ax.get_figure()
         if not named or figure is None:

@@ -110,13 +110,7 @@ class Axis:
 
 
 def axis_of(
-    label: str,
-    values: Iterable[Numbers],
-    *,
-    log: bool = False,
-    room: float = 0.05,
-    zero: bool = False,
-    dates: bool = False,
+    label: str, values: Iterable[Numbers], *, log: bool = False, room: float = 0.05, zero: bool = False
 ) -> Axis:
     """Return the axis that shows all finite values with some room; `zero`: it contains zero."""
     flat = np.concatenate([np.ravel(np.asarray(v, dtype=float)) for v in values] or [np.zeros(0)])
@@ -129,7 +123,7 @@ def axis_of(
         return Axis(label, low / 10**width, high * 10**width, True)
     low, high = (min(low, 0.0), max(high, 0.0)) if zero else (low, high)
     width = (high - low or abs(high) or 1.0) * room
-    return Axis(label, low - width, high + width, dates=dates)
+    return Axis(label, low - width, high + width)
 
 
 def axis_of_names(label: str, names: Sequence[str], most: int = 40) -> Axis:

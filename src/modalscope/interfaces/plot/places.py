@@ -59,17 +59,16 @@ def places_picture(found: Placement | NextMeasurement, geometry: Geometry) -> Pi
     rest = joined.coordinates @ view.matrix
     items: list[Item] = [strokes(rest[joined.lines]), Marks(rest[:, 0], rest[:, 1], "pale", size=0.4)]
     # a sensor points out of the structure, a force stands on the other side and acts along its direction
-    arrows = [
-        _arrows(joined, view, some, kind, _ARROW * far * (1 if kind == "sensor" else -1))
-        for kind, some in chosen.items()
-    ]
-    reach = np.concatenate(
-        [rest, *(np.column_stack([w.x, w.y]) for each in arrows for w in each if isinstance(w, Words))]
-    )
+    arrows: list[Item] = []
+    for kind, some in chosen.items():
+        arrows += _arrows(joined, view, some, kind, _ARROW * far * (1 if kind == "sensor" else -1))
+    named_at = [np.column_stack([w.x, w.y]) for w in arrows if isinstance(w, Words)]
+    reach = np.concatenate([rest, *named_at])
     low, high = reach.min(axis=0) - 0.1 * far, reach.max(axis=0) + 0.1 * far
     across, upward = (Axis("", *ends, named=()) for ends in zip(low, high, strict=True))
-    drawn = [*items, *(item for each in arrows for item in each), *triad(view, low, far)]
-    panel = Panel(across, upward, drawn, "Places of sensors and forces", equal=True, bare=True)
+    panel = Panel(
+        across, upward, [*items, *arrows, *triad(view, low, far)], "Places of sensors and forces", equal=True, bare=True
+    )
     return Picture([panel], f"Places on the geometry: {', '.join(labels)}")
 
 

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from modalscope.data import FrequencyResponse, ImpulseResponse, ModalModel
 from modalscope.data.rebuilt import rebuilt
 from modalscope.data.response import Response
+from modalscope.data.results import Result
+from modalscope.data.shown import percent
+from modalscope.identification.identify import Identification
 from modalscope.interfaces.plot.on_axes import painted
 from modalscope.interfaces.plot.picture import (
     Axis,
@@ -40,18 +43,10 @@ _PHASE_STARTS = (-180.0, -90.0, -270.0)
 MEASURED, REBUILT = "measured", "rebuilt from the modes"
 
 
-class Identified(Protocol):
-    """An object with modes, such as an identification."""
-
-    @property
-    def modes(self) -> ModalModel:
-        """The modes."""
-
-
 @named(data=Response)
 def response(
     data: Response,
-    modes: ModalModel | Identified | None = None,
+    modes: ModalModel | Identification | Result | None = None,
     output: str | int | None = None,
     input: str | int | None = None,
     ax: Axes | tuple[Axes, ...] | None = None,
@@ -98,11 +93,12 @@ def response_picture(
     measured = shown.values[:, i, j]
     fit = None if modes is None else rebuilt(shown, modes)[:, i, j]
     title, unit = title_of(shown, i, j), unit_of(shown, i, j)
+    aside = _unexplained(measured, fit) if shown is data else ""
     if isinstance(shown, FrequencyResponse):
         coherence = None if shown.coherence is None else coherence_of(shown.coherence, i, j)
-        return lines_picture(shown.frequencies, measured, fit, coherence, unit, title, told=shown is data)
+        return lines_picture(shown.frequencies, measured, fit, coherence, unit, title, aside)
     assert isinstance(shown, ImpulseResponse)
-    return _samples(shown, measured, fit, unit, title, told=shown is data)
+    return _samples(shown, measured, fit, unit, title, aside)
 
 
 def title_of(response: Response, output: int, column: int) -> str:
@@ -118,11 +114,11 @@ def coherence_of(coherence: Array, output: int, column: int) -> Array:
 
 
 def lines_picture(
-    f: Array, measured: Array, fit: Array | None, coherence: Array | None, unit: str, title: str, *, told: bool = True
+    f: Array, measured: Array, fit: Array | None, coherence: Array | None, unit: str, title: str, aside: str = ""
 ) -> Picture:
     """Return magnitude and phase of a channel on lines (F,), measured and rebuilt, and its coherence, as far as they are known.
 
-    The rebuilt phase is drawn on the branch of the measured one. `told`: with what is unexplained.
+    The rebuilt phase is drawn on the branch of the measured one. `aside`: what is unexplained.
     """
     sides = [_levels(h) for h in (measured, fit) if h is not None]
     ends = (float(f[0]), float(f[-1])) if f[-1] > f[0] else (float(f[0]) - 1, float(f[0]) + 1)
@@ -131,23 +127,18 @@ def lines_picture(
     phase = _phase(measured, start)
     phases = [phase] if fit is None else [phase, phase + np.degrees(np.angle(fit * np.conj(measured)))]
     turns = tuple((t, f"{t:.0f}") for t in np.arange(start, start + 361, 90).tolist())
-    aside = _unexplained(measured, fit) if told else ""
     curves = both([(f, side) for side in sides])
+    across, upward = Axis("", *ends), Axis("phase [°]", start - 30, start + 390, named=turns)
     panels = [
-        Panel(Axis("", *ends), axis_of(f"magnitude{unit}", sides, log=True), curves, title, aside, 2.6),
-        Panel(
-            Axis("", *ends),
-            Axis("phase [°]", start - 30, start + 390, named=turns),
-            both([_with_gaps(f, side) for side in phases]),
-        ),
+        Panel(across, axis_of(f"magnitude{unit}", sides, log=True), curves, title, aside, 2.6),
+        Panel(across, upward, both([_with_gaps(f, side) for side in phases])),
     ]
     if coherence is not None:
         shares = tuple((v, f"{v:g}") for v in (0.0, 0.5, 1.0))
         curve = Line(f, coherence, "muted", width=0.9)
-        panels.append(Panel(Axis("", *ends), Axis("coherence", 0.0, 1.05, named=shares), [curve], share=0.6))
-    return Picture(
-        _labelled(panels, "frequency [Hz]"), f"{title}: {MEASURED}" + ("" if fit is None else " and rebuilt")
-    )
+        panels.append(Panel(across, Axis("coherence", 0.0, 1.05, named=shares), [curve], share=0.6))
+    words = f"{title}: {MEASURED}" + ("" if fit is None else " and rebuilt")
+    return Picture(_labelled(panels, "frequency [Hz]"), words)
 
 
 def both(sides: Sequence[tuple[Array, Array]], words: tuple[str, str] = (MEASURED, REBUILT)) -> list[Line]:
@@ -165,7 +156,7 @@ def _unexplained(measured: Array, fit: Array | None) -> str:
     norm = float(np.linalg.norm(measured))
     if fit is None or not norm > 0:
         return ""
-    return f"unexplained {100 * float(np.linalg.norm(measured - fit)) / norm:.3g} %"
+    return f"unexplained {percent(float(np.linalg.norm(measured - fit)) / norm)}"
 
 
 def _levels(h: Array) -> Array:
@@ -184,14 +175,11 @@ def _with_gaps(f: Array, phase: Array) -> tuple[Array, Array]:
     return np.insert(np.asarray(f, dtype=float), jumps, np.nan), np.insert(phase, jumps, np.nan)
 
 
-def _samples(
-    data: ImpulseResponse, measured: Array, fit: Array | None, unit: str, title: str, *, told: bool
-) -> Picture:
+def _samples(data: ImpulseResponse, measured: Array, fit: Array | None, unit: str, title: str, aside: str) -> Picture:
     """Return the samples of a channel, measured and rebuilt, and their difference."""
     what = "correlation" if data.ambient else data.quantity or "response"
     ends, sides = (float(data.times[0]), float(data.times[-1])), [h for h in (measured, fit) if h is not None]
     rest = measured if fit is None else measured - fit
-    aside = _unexplained(measured, fit) if told else ""
     upward = axis_of(what + ("" if data.ambient else unit), sides)
     below = Line(data.times, rest, "muted", width=0.9)
     panels = [
@@ -222,9 +210,7 @@ def spectra_picture(found: Decomposition, peaks: int | None = 12) -> Picture:
     f, levels = found.frequencies, 10 * np.log10(np.maximum(found.singular_values, np.finfo(float).tiny))
     levels = levels[:, : len(_INKS)]
     inside = levels[f > 0]
-    curves = [
-        Line(f, level, _INKS[k], f"singular value {k + 1}", 0.8 if k else 1.1) for k, level in enumerate(levels.T)
-    ]
+    curves = [Line(f, y, _INKS[k], f"singular value {k + 1}", 0.8 if k else 1.1) for k, y in enumerate(levels.T)]
     upward = Axis("power spectral density [dB re unit²/Hz]", float(inside.min()) - 3, float(inside.max()) + 8)
     marked = modes_marked(found.peaks(peaks)[0], (0, float(f[-1])))
     panel = Panel(Axis("frequency [Hz]", 0, float(f[-1])), upward, curves[::-1], marked=marked)

@@ -164,11 +164,8 @@ def shape_picture(
     if len(modes.output_dofs) == 1:
         return remark("One output was measured: a shape of one number says nothing.")
     if std and modes.shapes_std is None:
-        raise DataError(
-            "bars with intervals need standard deviations of shapes",
-            "these modes have none",
-            "Refine them: ms.refine(data, modes).",
-        )
+        asked = "bars with intervals need standard deviations of shapes"
+        raise DataError(asked, "these modes have none", "Refine them: ms.refine(data, modes).")
     geometry = None if std else modes.geometry if geometry is None else geometry
     complex_shape = turned(modes.shapes[:, index])
     values = in_phase(modes.shapes[:, index]) if phase is None else (complex_shape * np.exp(1j * phase)).real
@@ -189,10 +186,8 @@ def shape_picture(
 def mode_title(modes: ModalModel, index: int) -> str:
     """Return the number of a mode, its frequency and its damping, with their 95 % intervals where they are known."""
     told = described(modes)[index]
-    parts = [
-        value + (f" ± {half}" if half != "-" else "") + unit
-        for value, half, unit in ((told.frequency, told.frequency_half, " Hz"), (told.damping, told.damping_half, " %"))
-    ]
+    sides = ((told.frequency, told.frequency_half, "Hz"), (told.damping, told.damping_half, "%"))
+    parts = [f"{value} {unit}" if half == "-" else f"{value} ± {half} {unit}" for value, half, unit in sides]
     return f"mode {index + 1}: {', '.join(parts[: 2 if modes.damping_ratios[index] else 1])}"
 
 
@@ -316,13 +311,9 @@ def _wireframe(
     low, high = rest.min(axis=0), rest.max(axis=0)
     reach = np.abs(largest @ view.matrix).max(axis=0) * scale * far / most + 0.05 * far
     foot = low - reach
-    return Panel(
-        Axis("", low[0] - reach[0] - 0.02 * far, high[0] + reach[0], named=()),
-        Axis("", foot[1], high[1] + reach[1], named=()),
-        [*items, *triad(view, foot, far)],
-        equal=True,
-        bare=True,
-    )
+    across = Axis("", low[0] - reach[0] - 0.02 * far, high[0] + reach[0], named=())
+    upward = Axis("", foot[1], high[1] + reach[1], named=())
+    return Panel(across, upward, [*items, *triad(view, foot, far)], equal=True, bare=True)
 
 
 def triad(view: View, foot: Array, far: float) -> list[Item]:

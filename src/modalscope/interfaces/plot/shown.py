@@ -129,41 +129,28 @@ def _(thing: ModalModel) -> Picture:
     return shape_picture(thing, 0)
 
 
-@picture_of.register(FrequencyResponse)
-@picture_of.register(ImpulseResponse)
+@picture_of.register
 def _(thing: FrequencyResponse | ImpulseResponse) -> Picture:
     return indicator_picture(thing)
 
 
 @picture_of.register
-def _(thing: Signals) -> Picture:
-    return spectra_picture(decomposition(thing)) if thing.inputs is None else indicator_picture(estimate_frf(thing))
+def _(thing: Signals | Records | Setups) -> Picture:
+    run = max(thing.recordings, key=lambda run: run.samples)
+    return spectra_picture(decomposition(run)) if run.inputs is None else indicator_picture(estimate_frf(run))
 
 
-@picture_of.register(StoredSignals)
-@picture_of.register(StoredResponse)
+@picture_of.register
 def _(thing: StoredSignals | StoredResponse) -> Picture:
     return picture_of(thing.excerpt())
-
-
-@picture_of.register
-def _(thing: Records) -> Picture:
-    return picture_of(max(thing.runs, key=lambda run: run.samples))
-
-
-@picture_of.register
-def _(thing: Setups) -> Picture:
-    return picture_of(max(thing.parts, key=lambda part: part.samples))
 
 
 @picture_of.register
 def _(thing: Validation) -> Picture:
     places = np.arange(len(thing.parts))
     sides = [100 * thing.fit_errors_with, 100 * thing.fit_errors]
-    items = [
-        *bars(places - 0.2, sides[0], 0.4, "pale", "included"),
-        *bars(places + 0.2, sides[1], 0.4, "blue", "left out"),
-    ]
+    items = bars(places - 0.2, sides[0], 0.4, "pale", "included")
+    items += bars(places + 0.2, sides[1], 0.4, "blue", "left out")
     upward = axis_of("unexplained [%]", sides, zero=True)
     panel = Panel(axis_of_names("left out", list(map(str, thing.parts))), upward, items, "cross-validation")
     return Picture([panel], "Unexplained part of what was left out")
@@ -222,7 +209,5 @@ def _over_time(times: Any, values: Any, labels: list[str]) -> Picture | None:
     if len(y) < 2 or not np.isfinite(y).any():
         return None
     ends = Axis("time [s]", float(times[0]), float(times[-1]))
-    return Picture(
-        [Panel(ends, axis_of(plain(labels[strongest], 16), [y]), [Line(times, y, "blue")])],
-        "Strongest channel over time",
-    )
+    panel = Panel(ends, axis_of(plain(labels[strongest], 16), [y]), [Line(times, y, "blue")])
+    return Picture([panel], "Strongest channel over time")

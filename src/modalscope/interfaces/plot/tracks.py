@@ -139,12 +139,9 @@ def control_chart(found: Alarms, ax: Axes | None = None) -> Axes:
 
 def chart_picture(found: Alarms) -> Picture:
     """Return a control chart over time with its limit, its reference and its alarms."""
-    times, inside = _seconds(found.explained.tracks.history.times), found.explained.reference
+    times = _seconds(found.explained.tracks.history.times)
     limit = f"limit: {found.false_per_year:g} false alarms a year"
-    items: list[Item] = [
-        Marks(times[kept], found.statistic[kept], ink, "dot", words, 0.2)
-        for kept, ink, words in ((inside, "muted", "reference"), (~inside, "blue", "judged"))
-    ]
+    items: list[Item] = [*_judged(found, found.statistic, ("reference", "judged"))]
     across = _dates([times])
     items.append(level(across, 1.0, "vermillion", limit, dashed=True))
     upward = axis_of(f"chart ({found.chart}) over its limit", [found.statistic, [0.0, 1.1]])
@@ -170,13 +167,17 @@ def _most_moved(found: Alarms) -> list[int]:
 
 def _change(found: Alarms, k: int, across: Axis) -> Panel:
     """Return the relative change of the frequency of one track without what weather explains, on an axis of its own."""
-    times, inside = _seconds(found.explained.tracks.history.times), found.explained.reference
     moved = 100 * found.explained.residual[:, k]
-    items: list[Item] = [
-        Marks(times[kept], moved[kept], ink, "dot", "", 0.2) for kept, ink in ((inside, "muted"), (~inside, "blue"))
-    ]
+    items: list[Item] = [*_judged(found, moved), level(across)]
     name = plain(found.explained.tracks.names[k])
-    return Panel(across, axis_of("change [%]", [moved], zero=True), [*items, level(across)], name, share=0.35)
+    return Panel(across, axis_of("change [%]", [moved], zero=True), items, name, share=0.35)
+
+
+def _judged(found: Alarms, values: Array, words: tuple[str, str] = ("", "")) -> list[Marks]:
+    """Return a value of every record over time, those of the reference apart from those that are judged by it."""
+    times, inside = _seconds(found.explained.tracks.history.times), found.explained.reference
+    sides = zip((inside, ~inside), ("muted", "blue"), words, strict=True)
+    return [Marks(times[kept], values[kept], ink, "dot", said, 0.2) for kept, ink, said in sides]
 
 
 def _seconds(times: object) -> RealArray:
@@ -185,4 +186,4 @@ def _seconds(times: object) -> RealArray:
 
 
 def _dates(values: list[Array]) -> Axis:
-    return axis_of("time (UTC)", values, room=0.02, dates=True)
+    return replace(axis_of("time (UTC)", values, room=0.02), dates=True)

@@ -7,13 +7,14 @@ from collections.abc import Iterator
 import numpy as np
 
 from modalscope.analysis.comparing import CAUSES, Comparison, MethodResult
+from modalscope.analysis.comparing.agreement import Group
 from modalscope.analysis.comparing.scatter import LEVEL
 from modalscope.analysis.comparing.verdict import LEADS
 from modalscope.data.mode_fields import told
 from modalscope.data.rebuilt import explains_enough, unexplained
+from modalscope.data.shown import figures
 from modalscope.interfaces.plot.diagrams import stabilization_picture
 from modalscope.interfaces.plot.methods import deviations_picture, map_picture
-from modalscope.interfaces.plot.web.fits import fit_of, lines_of_response
 from modalscope.interfaces.reporting import record, sections
 from modalscope.interfaces.reporting.html import Section, figure, folded, listing, paragraph, table
 from modalscope.interfaces.reporting.record import comparison_script
@@ -34,7 +35,6 @@ _ALIKE_MAC = 0.99
 
 def comparison_sections(c: Comparison, *, source: str | None = None, command: str | None = None) -> Iterator[Section]:
     """Yield the sections on a comparison in the order of reading, each drawn when it is asked for."""
-    fit = fit_of(c.modes, c.response) if len(c.modes) else None
     yield _verdict(c)
     yield _modes(c)
     yield _methods(c)
@@ -45,9 +45,7 @@ def comparison_sections(c: Comparison, *, source: str | None = None, command: st
         yield _stabilization(c)
     if len(c.modes):
         yield from sections.mode_pictures(c.modes)
-        yield sections.responses_section(
-            c.response, fit, None if fit is None else lines_of_response(c.modes, c.response)
-        )
+        yield sections.all_responses(c.modes, c.response)
     yield record.data_section(c.response, source)
     yield _settings(c)
     yield record.repeat_section(comparison_script(c, source), command)
@@ -71,10 +69,10 @@ def consensus_table(c: Comparison) -> list[list[str]]:
         "mode": [str(k + 1) for k in range(len(c.groups))],
         "f [Hz]": [f"{g.frequency:.{digits}f}" for g in c.groups],
         "± [Hz]": [told(v) for v in c.scatter.frequency],
-        "between [Hz]": [f"{g.frequency_between:.2g}" for g in c.groups],
+        "between [Hz]": [figures(g.frequency_between, 2) for g in c.groups],
         "damping [%]": [f"{100 * g.damping:.3f}" for g in c.groups],
         "± [%]": [told(100 * v) for v in c.scatter.damping],
-        "between [%]": [f"{100 * g.damping_between:.2g}" for g in c.groups],
+        "between [%]": [figures(100 * g.damping_between, 2) for g in c.groups],
         "found by": [f"{len(g.members)} of {ran}" for g in c.groups],
         "MAC": [f"{min(g.mac.values()):.3f}" for g in c.groups],
         "grade": [t.grade for t in c.trust],
@@ -130,13 +128,11 @@ def _values_table(c: Comparison, kind: str, title: str, scale: float) -> str:
     if not names or not c.groups:
         return ""
     digits = {"frequencies": decimals(c.modes.frequencies, 6), "damping_ratios": 3, "mac": 3}[kind]
-    rows = [
-        [
-            c.label(name),
-            *(f"{scale * getattr(g, kind)[name]:.{digits}f}" if name in g.members else "–" for g in c.groups),
-        ]
-        for name in names
-    ]
+
+    def cell(group: Group, name: str) -> str:
+        return f"{scale * getattr(group, kind)[name]:.{digits}f}" if name in group.members else "–"
+
+    rows = [[c.label(name), *(cell(g, name) for g in c.groups)] for name in names]
     return table(["method", *(f"{k + 1}" for k in range(len(c.groups)))], rows, words=[0], caption=title)
 
 
@@ -151,7 +147,7 @@ def _kinship(c: Comparison) -> Section:
         body += paragraph(f"Equal methods on these data, to rounding: {'; '.join(equal)}.")
     distance = float(np.max(kin.distances))
     if len(kin.classes) < _MIN_MAP_CLASSES or distance < _MIN_MAP_DISTANCE:
-        text = f"All methods agree within {distance:.2g} half-power half-bandwidths: no map."
+        text = f"All methods agree within {figures(distance, 2)} half-power half-bandwidths: no map."
         return Section("map", "Map of methods", body + paragraph(text))
     body += figure(map_picture(kin), width=900)
     return Section("map", "Map of methods", body)

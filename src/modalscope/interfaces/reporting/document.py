@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from datetime import date
 from itertools import chain, takewhile
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 from modalscope.analysis.checking.certificate import Certificate
 from modalscope.analysis.comparing import Comparison
@@ -24,11 +24,11 @@ from modalscope.data.shown import counted
 from modalscope.identification.identify import Identification
 from modalscope.identification.method_names import cell_label
 from modalscope.interfaces.plot.web.alive import drawing_of, selected
-from modalscope.interfaces.plot.web.fits import Lines, fit_of, lines_of_response, rebuilt_lines
+from modalscope.interfaces.plot.web.fits import rebuilt_lines
 from modalscope.interfaces.reporting import record, sections
 from modalscope.interfaces.reporting.comparison import comparison_sections
 from modalscope.interfaces.reporting.header import header_of, header_of_remarks, header_sections
-from modalscope.interfaces.reporting.html import Section, listing, page, paragraph
+from modalscope.interfaces.reporting.html import Section, page, paragraph
 from modalscope.interfaces.reporting.modes import (
     certificate_section,
     identification_summary,
@@ -46,31 +46,12 @@ from modalscope.selection.judging.grades import grades
 from modalscope.signals.doctor import Finding
 from modalscope.signals.preprocess.singular_spectra import Decomposition, decomposition
 
-
-class _Result(Protocol):
-    """A result with selected modes and their diagram."""
-
-    @property
-    def modes(self) -> ModalModel: ...
-
-    @property
-    def diagram(self) -> StabilizationDiagram: ...
-
-
-Reported = (
-    Store
-    | Comparison
-    | StateSpace
-    | Identification
-    | StabilizationDiagram
-    | tuple[ModalModel, StabilizationDiagram]
-    | _Result
-)
+Reported = Result | StabilizationDiagram | Identification | Comparison | StateSpace | Store
 
 
 @named()
 def report(
-    thing: Reported,
+    thing: Reported | tuple[ModalModel, StabilizationDiagram],
     path: str | Path,
     *,
     title: str | None = None,
@@ -134,7 +115,7 @@ def report(
         return write_page(path, heading, _subtitle(thing.response), parts, sources_of(thing))
     if isinstance(thing, Identification):
         heading = title or _heading(f"{cell_label(thing.method, thing.domain)}, order {thing.order}", ": ", source)
-        parts = identification_sections(thing, source=source, command=command)
+        parts = identification_sections(thing, source, command)
         return write_page(path, heading, _subtitle(thing.response), parts, sources_of(thing))
     remarks = thing.analysis.remarks if isinstance(thing, Result) else ()
     head = header_of_remarks(remarks) if header is None else header_of(header)
@@ -143,11 +124,8 @@ def report(
     if certificate is not None:
         check_kind("certificate of report", certificate, Certificate)
         modes, origin = certificate.modes, replace(origin, certificate=certificate)
-    heading = (
-        title
-        or head.get("title")
-        or _heading("Modes" if origin.source else "Modal identification", " of ", origin.source)
-    )
+    what = "Modes" if origin.source else "Modal identification"
+    heading = title or head.get("title") or _heading(what, " of ", origin.source)
     sources = (*sources_of(thing), *sources_of(diagram))
     suffix = Path(path).suffix.lower().removeprefix(".")
     if suffix in names_added(REPORTS):
@@ -234,7 +212,7 @@ def stabilization_sections(modes: ModalModel, diagram: StabilizationDiagram, ori
     for band in bands:
         band_fit, band_lines = drawing.fit, drawing.lines
         if several and drawing.fit is not None:
-            band_lines = Lines(*rebuilt_lines(modes, band.diagram, len(bands)))
+            band_lines = rebuilt_lines(modes, band.diagram, len(bands))
             band_fit = fit_error(band_lines.measured, band_lines.rebuilt)
         yield band.named(sections.responses_section(band.diagram.response, band_fit, band_lines), several)
     if any("text" in reason for reason in modes.reasons):
@@ -245,7 +223,8 @@ def stabilization_sections(modes: ModalModel, diagram: StabilizationDiagram, ori
         yield Section("next", "What to measure next", "".join(map(paragraph, origin.plan)))
     yield record.data_section(diagram.response, origin.source, origin.findings, origin.data)
     for band in bands:
-        yield band.named(record.settings_section(band.diagram), several)
+        orders = {"orders": record.orders_listed(band.diagram.orders)}
+        yield band.named(record.settings_section(band.diagram, orders), several)
     yield record.notes_section(diagram.notes if origin.notes is None else origin.notes, diagram.kinds)
     yield record.repeat_section(origin.script or record.stabilization_script(diagram, origin.source), origin.command)
 
@@ -258,25 +237,16 @@ def _limits(bands: Sequence[sections.Band]) -> str:
     return "Band: full range." if limits is None else f"Band: {limits[0]:g} to {limits[1]:g} Hz."
 
 
-def identification_sections(
-    identified: Identification, *, source: str | None = None, command: str | None = None
-) -> Iterator[Section]:
+def identification_sections(identified: Identification, source: str | None, command: str | None) -> Iterator[Section]:
     """Yield the sections on one identification in the order of reading, each drawn when it is asked for."""
     modes, response = identified.modes, identified.response
-    fit = fit_of(modes, response) if len(modes) else None
     yield identification_summary(identified)
     yield modes_section(modes)
     yield sections.model_section(identified)
     yield from sections.mode_pictures(modes)
-    lines = None if fit is None else lines_of_response(modes, response)
-    yield sections.responses_section(response, fit, lines)
+    yield sections.all_responses(modes, response)
     yield record.data_section(response, source)
-    settings = {
-        "method": cell_label(identified.method, identified.domain),
-        "domain": identified.domain,
-        "order": str(identified.order),
-    }
-    yield Section("settings", "Settings", listing((settings | record.settings_listed(identified.settings)).items()))
+    yield record.settings_section(identified, {"order": str(identified.order)})
     yield record.notes_section(identified.notes)
     yield record.repeat_section(record.identification_script(identified, source), command)
 
@@ -297,11 +267,8 @@ def write_page(
     """
     target = check_path(path)
     if target.suffix.lower() not in (".html", ".htm"):
-        raise DataError(
-            f"a report in {target.name!r} was asked",
-            "reports are .html files, of results also .docx and .pptx",
-            "End the name in .html.",
-        )
+        formats = "reports are .html files, of results also .docx and .pptx"
+        raise DataError(f"a report in {target.name!r} was asked", formats, "End the name in .html.")
     with replacing(target, sources) as temporary:
         text = page(title, subtitle, parts, f"written by modalscope {VERSION}")
         temporary.write_text(text, encoding="utf-8", errors="backslashreplace")

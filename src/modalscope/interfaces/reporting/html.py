@@ -86,9 +86,8 @@ def page(title: str, subtitle: str, sections: Iterable[Section], generator: str)
     `title`, `subtitle`, `generator`: plain text: the heading, the line below it, and the program. `sections`: in the order of reading;
     each gets a link at the top.
     """
-    template, style = (
-        Path(__file__).with_name(name).read_text(encoding="utf-8") for name in ("page.html", "report.css")
-    )
+    parts = [Path(__file__).with_name(name) for name in ("page.html", "report.css")]
+    template, style = (part.read_text(encoding="utf-8") for part in parts)
     listed = list(sections)
     links = "".join(f'<a href="#{escaped(s.anchor)}">{escaped(s.title)}</a>' for s in listed)
     style = f"{_inks()}{style}{STYLE}"
@@ -126,11 +125,8 @@ def table(
     parts = ['<div class="scroll"><table>']
     if caption:
         parts.append(f"<caption>{escaped(caption)}</caption>")
-    heads = [
-        (cell, ' class="short"' if not kind and len(cell) <= _SHORT else kind)
-        for cell, kind in zip(head, kinds, strict=True)
-    ]
-    top = "".join(f'<th scope="col"{kind}>{escaped(cell)}</th>' for cell, kind in heads)
+    short = [kind or (' class="short"' if len(cell) <= _SHORT else "") for cell, kind in zip(head, kinds, strict=True)]
+    top = "".join(f'<th scope="col"{kind}>{escaped(cell)}</th>' for cell, kind in zip(head, short, strict=True))
     parts.append(f"<thead><tr>{top}</tr></thead><tbody>")
     for i, row in enumerate(rows):
         cells = []

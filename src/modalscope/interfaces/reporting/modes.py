@@ -44,9 +44,8 @@ def intervals_section(modes: ModalModel) -> Section:
         return Section("intervals", title, "".join(map(paragraph, (*reasons, advice))))
     scatter = " and the scatter between groups" if modes.frequencies_repeatability is not None else ""
     lead = paragraph(f"95 % intervals, each mode on its own axis; from the noise{scatter}.", "muted")
-    pictures = "".join(
-        figure(intervals_picture(modes, of), height=76 + 21 * len(modes)) for of in ("frequency", "damping")
-    )
+    drawn = [intervals_picture(modes, of) for of in ("frequency", "damping")]
+    pictures = "".join(figure(picture, height=76 + 21 * len(modes)) for picture in drawn)
     notes = "".join(map(paragraph, notes_that_matter(modes.notes)[0]))
     return Section("intervals", title, f'{lead}<div class="pair">{pictures}</div>{notes}')
 
@@ -70,16 +69,11 @@ def certificate_section(certificate: Certificate) -> Section:
 
 def _certificate_table(c: Certificate) -> str:
     measures = ("bias", "ratio", "coverage")
-    rows = [
-        [
-            str(j + 1),
-            f"{f:.5g}",
-            *(f"{values[k][j]:.2f}" for values in (c.frequency, c.damping_ratio) for k in measures),
-            f"{c.found[j]} of {c.replicates[j]}",
-            "holds" if c.holds[j] else "does not hold",
-        ]
-        for j, f in enumerate(c.modes.frequencies)
-    ]
+    rows = []
+    for j, f in enumerate(c.modes.frequencies):
+        numbers = [f"{values[k][j]:.2f}" for values in (c.frequency, c.damping_ratio) for k in measures]
+        verdict = "holds" if c.holds[j] else "does not hold"
+        rows.append([str(j + 1), f"{f:.5g}", *numbers, f"{c.found[j]} of {c.replicates[j]}", verdict])
     head = ["mode", "f [Hz]", *(f"{of}: {k}" for of in ("f", "ζ") for k in measures), "identified", "interval"]
     caption = (
         "Bias and scatter in predicted standard deviations; coverage of the 95 % interval; simulations with the mode"
@@ -114,13 +108,10 @@ def identification_summary(identified: Identification) -> Section:
     """Write the verdict on one identification: number of modes, what is unexplained, poles that are no modes."""
     modes, (low, high) = identified.modes, identified.response.span
     method = cell_label(identified.method, identified.domain)
-    body = paragraph(
-        f"{counted(len(modes), 'mode')} between {low:.5g} and {high:.5g} Hz, by {method}, order {identified.order}.",
-        "verdict",
-    )
+    lead = f"{counted(len(modes), 'mode')} between {low:.5g} and {high:.5g} Hz, by {method}, order {identified.order}."
+    body = paragraph(lead, "verdict")
     misfit = unexplained(identified.fit_error)  # by the whole model, with its real and unstable poles
-    enough = explains_enough(identified.fit_error)
-    body = body + paragraph(misfit) if enough else paragraph(misfit, "loud") + body
+    body = body + paragraph(misfit) if explains_enough(identified.fit_error) else paragraph(misfit, "loud") + body
     odd = odd_poles(modes)
     body += paragraph(odd) if odd else ""
     body += paragraph("One order cannot separate modes from noise; use stabilize and select.", "muted")

@@ -69,11 +69,8 @@ def _moved(found: Explained) -> Section:
     head, *rows = found.rows()
     names = [name for name in found.regressors[1:] if " below " not in name][:_MAX_COVARIATES]
     pictures = [figure(against_picture(found, name), f"Frequencies against {name}", *_WIDE) for name in names]
-    return Section(
-        "moved",
-        "What moves them",
-        "".join(pictures) + table(head, rows, words=(0,)) + "".join(map(paragraph, found.notes)),
-    )
+    told = table(head, rows, words=(0,)) + "".join(map(paragraph, found.notes))
+    return Section("moved", "What moves them", "".join(pictures) + told)
 
 
 def _chart(chart: Alarms | DataError) -> Section:

@@ -22,6 +22,7 @@ from modalscope.identification.method_names import cell_label
 from modalscope.interfaces.plot.web.verdict import grouped, notes_that_matter
 from modalscope.interfaces.reporting.html import Section, folded, heading, listing, paragraph, script, table, value
 from modalscope.io.arrays import plain
+from modalscope.numerics.errors import as_read
 from modalscope.signals.doctor import Finding, examine
 
 #: Maximum number of listed channels.
@@ -38,9 +39,8 @@ def stabilization_script(diagram: StabilizationDiagram, source: str | None) -> s
     """Return the script that repeats a stabilization diagram and the selection from it."""
     orders = diagram.asked_orders or diagram.orders
     steps = {b - a for a, b in pairwise(orders)}
-    listed = (
-        f"range({orders[0]}, {orders[-1] + 1}, {int(steps.pop())})" if len(steps) == 1 else repr(list(map(int, orders)))
-    )
+    even = len(steps) == 1
+    listed = f"range({orders[0]}, {orders[-1] + 1}, {int(steps.pop())})" if even else repr(list(map(int, orders)))
     cell = {"method": diagram.method, "domain": diagram.domain}
     lines = [*_options(cell), f"    orders={listed},\n", *_options(diagram.settings)]
     if diagram.tolerances:
@@ -123,7 +123,7 @@ def _quality(findings: Sequence[Finding]) -> str:
     """List the findings about the data with their remedies."""
     if not findings:
         return paragraph("No data problem found.")
-    rows = [[f.kind, list_some(f.channels, 12), f.reason, f.change] for f in grouped(findings)]
+    rows = [[f.kind, list_some(f.channels, 12), as_read(f.reason), as_read(f.change)] for f in grouped(findings)]
     return table(["finding", "channels", "reason", "remedy"], rows, words=[0, 1, 2, 3])
 
 
@@ -171,20 +171,17 @@ def _channels(response: Response) -> str:
     return table(list(columns), rows, words=[0, 1], caption=caption)
 
 
-def settings_section(diagram: StabilizationDiagram) -> Section:
-    """List the method and its options."""
-    facts = {"method": cell_label(diagram.method, diagram.domain), "domain": diagram.domain}
-    facts |= {"orders": _orders(diagram.orders), **settings_listed(diagram.settings)}
-    facts |= {f"tolerance, {name}": value(name, limit) for name, limit in diagram.tolerances.items()}
+def settings_section(found: StabilizationDiagram | Identification, orders: Mapping[str, str]) -> Section:
+    """List the method, its orders and its options."""
+    facts = {"method": cell_label(found.method, found.domain), "domain": found.domain, **orders}
+    facts |= {heading(key): value(key, content) for key, content in found.settings.items() if content is not None}
+    tolerances = getattr(found, "tolerances", {})
+    facts |= {f"tolerance, {name}": value(name, limit) for name, limit in tolerances.items()}
     return Section("settings", "Settings", listing(facts.items()))
 
 
-def settings_listed(settings: Settings) -> dict[str, str]:
-    """Return the options in words."""
-    return {heading(key): value(key, content) for key, content in settings.items() if content is not None}
-
-
-def _orders(orders: tuple[int, ...]) -> str:
+def orders_listed(orders: tuple[int, ...]) -> str:
+    """Return orders in words."""
     if not orders:
         return "none"
     steps = set(np.diff(orders).tolist())
@@ -213,6 +210,5 @@ def repeat_section(script_text: str, command: str | None) -> Section:
     body = paragraph("Command line:") + script(command) if command else ""
     versions = f"modalscope {VERSION}, numpy {version('numpy')}, scipy {version('scipy')}"
     body += paragraph("Python:") + script(script_text)
-    return Section(
-        "repeat", "Repeat the analysis", body + paragraph(f"Python {platform.python_version()}, {versions}", "muted")
-    )
+    body += paragraph(f"Python {platform.python_version()}, {versions}", "muted")
+    return Section("repeat", "Repeat the analysis", body)

@@ -12,7 +12,7 @@ import numpy as np
 from modalscope.data import ModalModel, StabilizationDiagram
 from modalscope.data.rebuilt import band_of
 from modalscope.data.response import Response
-from modalscope.data.shown import frequency, percent
+from modalscope.data.shown import figures, frequency, percent
 from modalscope.identification.identify import Identification
 from modalscope.interfaces.plot.diagrams import fit_errors_picture, singular_values_picture, stabilization_picture
 from modalscope.interfaces.plot.matrices import mac_picture
@@ -20,7 +20,7 @@ from modalscope.interfaces.plot.picture import unit_of
 from modalscope.interfaces.plot.responses import coherence_of, lines_picture, title_of
 from modalscope.interfaces.plot.shapes import shape_picture
 from modalscope.interfaces.plot.web.alive import Drawing, alive_blob, front_end
-from modalscope.interfaces.plot.web.fits import Fit, Lines
+from modalscope.interfaces.plot.web.fits import Fit, Lines, fit_of, lines_of_response
 from modalscope.interfaces.reporting.html import Section, figure, listing, numbered, paragraph, table
 from modalscope.numerics.checks import Array, BoolArray, RealArray
 from modalscope.selection.judging.description import described
@@ -75,13 +75,12 @@ def alive_section(drawing: Drawing) -> Iterator[Section]:
         return
     data = base64.b64encode(zlib.compress(alive_blob(drawing), 6)).decode("ascii")
     lead = "Drag to zoom, double-click for the full range; select a mode in the table or a channel of the response."
-    yield Section(
-        "explore",
-        "Interactive results",
+    body = (
         f'{paragraph(lead, "muted")}<style>{_ALIVE_STYLE}{style}</style><div id="alive"></div>'
         f'<script id="alive-data" type="application/octet-stream">{data}</script>'
-        f'<script id="alive-script">{script.replace("</script", "<" + chr(92) + "/script")}</script>',
+        f'<script id="alive-script">{script.replace("</script", "<" + chr(92) + "/script")}</script>'
     )
+    yield Section("explore", "Interactive results", body)
 
 
 def stabilization_section(
@@ -173,9 +172,8 @@ def mode_pictures(
         yield Section("shapes", "Mode shapes", f'{paragraph(lead, "muted")}<div class="pair">{pictures}</div>')
     if len(modes) > 1:
         lead = "Similarity of the shapes: 1 equal, 0 orthogonal. High values off the diagonal: too few channels, or a duplicate mode."
-        yield Section(
-            "mac", "AutoMAC", f'{paragraph(lead)}<div class="narrow">{figure(mac_picture(points), width=600)}</div>'
-        )
+        drawn = figure(mac_picture(points), width=600)
+        yield Section("mac", "AutoMAC", f'{paragraph(lead)}<div class="narrow">{drawn}</div>')
 
 
 def reasons_section(modes: ModalModel) -> Section:
@@ -187,27 +185,26 @@ def reasons_section(modes: ModalModel) -> Section:
 
 def left_out_section(modes: ModalModel) -> Section:
     """List the candidates that are not reported: significance, reason and remedy."""
-    rows = [
-        [
-            f"{candidate.frequency:.5g}",
-            f"{100 * candidate.damping_ratio:.3g}",
-            "" if candidate.gain != candidate.gain else f"{candidate.gain:.1f}",
-            candidate.reason,
-            candidate.remedy,
-        ]
-        for candidate in modes.left_out
-    ]
+    rows = []
+    for c in modes.left_out:
+        significance = "" if c.gain != c.gain else f"{c.gain:.1f}"
+        rows.append([f"{c.frequency:.5g}", figures(100 * c.damping_ratio), significance, c.reason, c.remedy])
     columns = ["frequency [Hz]", "damping [%]", "significance", "reason", "remedy"]
     return Section("left-out", "Candidates left out", table(columns, rows, words=(3, 4)))
+
+
+def all_responses(modes: ModalModel, response: Response) -> Section:
+    """Return the section on the responses of one band that modes rebuild."""
+    fit = fit_of(modes, response) if len(modes) else None
+    return responses_section(response, fit, None if fit is None else lines_of_response(modes, response))
 
 
 def responses_section(response: Response, fit: Fit, lines: Lines | None) -> Section:
     """Draw the channels of largest, median and smallest misfit, and list what is unexplained of every channel."""
     title = "Measured and rebuilt responses"
     if fit is None or lines is None:
-        return Section(
-            "responses", title, paragraph("Responses cannot be rebuilt: the participation of the modes is not known.")
-        )
+        why = "Responses cannot be rebuilt: the participation of the modes is not known."
+        return Section("responses", title, paragraph(why))
     errors = fit[1]
     order = np.argsort(-np.nan_to_num(errors, nan=-1.0), axis=None, kind="stable")
     ranked = [divmod(int(k), errors.shape[1]) for k in order]
@@ -227,7 +224,7 @@ def _channel(response: Response, lines: Lines, i: int, j: int, error: float) -> 
     coherence = coherence_of(response.coherence, i, j) if known and response.coherence is not None else None
     sides = lines.measured[:, i, j], lines.rebuilt[:, i, j]
     unit, title = unit_of(response.picture(), i, j), title_of(response, i, j)
-    picture = lines_picture(lines.frequencies, *sides, coherence, unit, title, told=False)
+    picture = lines_picture(lines.frequencies, *sides, coherence, unit, title)
     return figure(picture, f"{percent(error)} unexplained", height=350)
 
 
@@ -244,9 +241,7 @@ def _error_table(response: Response, errors: Array, ranked: list[tuple[int, int]
         ]
         head = [f"output \\ {response.column_word}", *response.columns]
         return table(head, rows, words=[0], shades=shades, caption=caption)
-    if len(ranked) > _MAX_TABLE_ROWS:
-        caption += f"; the largest {_MAX_TABLE_ROWS} of {len(ranked)}"
-    rows = [
-        [response.output_dofs[i], response.columns[j], f"{100 * errors[i, j]:.3g}"] for i, j in ranked[:_MAX_TABLE_ROWS]
-    ]
+    listed = ranked[:_MAX_TABLE_ROWS]
+    caption += f"; the largest {len(listed)} of {len(ranked)}" if len(ranked) > len(listed) else ""
+    rows = [[response.output_dofs[i], response.columns[j], figures(100 * errors[i, j])] for i, j in listed]
     return table(["output", response.column_word, "unexplained [%]"], rows, words=[0, 1], caption=caption)

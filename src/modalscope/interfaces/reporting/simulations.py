@@ -32,21 +32,18 @@ def model_sections(model: StateSpace, record: Signals | Records, command: str | 
     records = as_records(record) if isinstance(record, Signals) else record
     found = validate(model, records)
     rate = "continuous" if model.dt is None else f"{1 / model.dt:g} Hz"
-    sizes = ", ".join(
-        counted(n, word) for n, word in ((model.order, "state"), (model.B.shape[1], "input"), (len(model.C), "output"))
-    )
+    counts = ((model.order, "state"), (model.B.shape[1], "input"), (len(model.C), "output"))
+    sizes = ", ".join(counted(number, word) for number, word in counts)
     held = getattr(model, "validation", None)
     rows = {"model": sizes, "sampling rate": rate, "on this record": summary_of(found)}
     rows |= {} if held is None else {"on what was held out": summary_of(held)}
     rows |= {"command": command} if command else {}
     notes = "".join(paragraph(str(note)) for note in getattr(model, "notes", ()))
     yield Section("model", "Model", listing(rows.items()) + notes)
-    body = figure(simulation_picture(model, records), "", *_SIZE) + table(
-        ("output", "free run %", "one step %"),
-        [(name, *cells) for name, cells in zip(records.output_dofs, cells_of(found), strict=True)],
-        words=(0,),
-    )
-    yield Section("simulation", "Measured and simulated", body)
+    shares = [(name, *cells) for name, cells in zip(records.output_dofs, cells_of(found), strict=True)]
+    listed = table(("output", "free run %", "one step %"), shares, words=(0,))
+    drawn = figure(simulation_picture(model, records), "", *_SIZE)
+    yield Section("simulation", "Measured and simulated", drawn + listed)
     yield Section("response", "Frequency response", figure(response_picture(model), "", 690, 300))
     if held is not None:
         head, *tried = held.rows()

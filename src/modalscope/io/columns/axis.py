@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from modalscope.data import DataError
+from modalscope.data.shown import figures
 from modalscope.io.columns.table import Column, Table, as_word
 from modalscope.io.contents import needs
 from modalscope.numerics.checks import Array, BoolArray, RealArray
@@ -187,7 +188,7 @@ def sampling_of(times: RealArray) -> Sampling:
     if off > max(_MAX_OFF_GRID * step, 1.01 * grain, 2 * ulp) or _has_gaps(steps, grain):
         raise _uneven(
             f"time steps vary from {steps[back]:.6g} to {steps[widest]:.6g} s (typically {np.median(steps):.6g} s), the longest at row "
-            f"{widest + 2}, and times leave the even grid by up to {off / step:.3g} steps"
+            f"{widest + 2}, and times leave the even grid by up to {figures(off / step)} steps"
         )
     # whoever writes 0.00, 0.01, 0.02 ... means what stands there
     same = steps[widest] - steps[back] <= 1e-6 * step + 4 * float(np.spacing(np.abs(times).max()))

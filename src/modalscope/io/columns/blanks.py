@@ -105,7 +105,7 @@ def _of_channels(table: Table, columns: Sequence[Column], left: dict[int, str], 
             have = int(np.count_nonzero(~np.isnan(column.values)))
             lost = percent((table.rows - have) / table.rows)
             way = f' (to take it: --columns "{option}")' if have else ""
-            said = f"{column} is left: with it {lost} of the rows would be lost, {have} of {table.rows} have it"
+            said = f"{column} ignored: with it {lost} of the rows would be lost, {have} of {table.rows} have it"
             notes.append(said + way)
     return notes
 

@@ -21,7 +21,7 @@ from modalscope.io.columns.words import ignored_columns, named_columns, roles_of
 from modalscope.io.contents import Contents, Finding, Options, needs
 
 #: Why a column is what `--columns` says.
-_REASON_OF_OPTION = "--columns says so"
+_REASON_OF_OPTION = "said by --columns"
 
 
 def contents_from_table(table: Table, options: Options) -> Contents:
@@ -205,9 +205,9 @@ def _notes(found: Sequence[Reading], option_roles: Mapping[int, str], table: Tab
         if column.number in option_roles or column.textual or not why.startswith("it "):
             continue
         if role == "index" and why == "it counts rows":
-            notes.append(f"{column} counts rows: it was left")
+            notes.append(f"{column} ignored: it counts rows")
         elif role in ("ignore", "in"):
-            done = "was left" if role == "ignore" else "is taken as a force"
+            done = "ignored" if role == "ignore" else "taken as a force"
             note = f"{column} {done}: {why}"
             if reading.content == "record":
                 other = "in" if "drive" in dict(meanings_of(column.name)) and role == "ignore" else "out"

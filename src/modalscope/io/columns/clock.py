@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from modalscope.data import DataError
-from modalscope.data.shown import counted
+from modalscope.data.shown import counted, figures, percent
 from modalscope.io.columns.axis import STEPS_OF_GAP, even_sampling, longest_stretch, rises, roundest
 from modalscope.io.columns.table import Column
 from modalscope.numerics.checks import RealArray, check_positive
@@ -52,7 +52,7 @@ class Clock:
     gaps: tuple[tuple[int, int], ...]
 
     def __str__(self) -> str:
-        words = [f"jitter of {self.jitter:.2g} steps", f"drift of {1e6 * self.drift:.0f} ppm"]
+        words = [f"jitter of {figures(self.jitter, 2)} steps", f"drift of {1e6 * self.drift:.0f} ppm"]
         missing = sum(count for _, count in self.gaps)
         words += [f"{counted(len(self.gaps), 'gap')} with {missing} samples missing"] if self.gaps else []
         return ", ".join(words)
@@ -188,7 +188,7 @@ def evened(
     if asked is None and (even_samples or not lost <= _MAX_LOSS):
         return axis, channels, []
     unknown = "not known: there is motion near half the sampling rate"
-    share = unknown if np.isnan(lost) else f"{100 * lost:.2g} % of the motion"
+    share = unknown if np.isnan(lost) else f"{percent(lost, 2)} of the motion"
     notes = [f"times are uneven ({clock}): resampled to {rate:.6g} Hz by cubic splines; what is lost is {share}"]
     if clock.gaps and not filled:
         notes.append(f"rows {first}-{last} of {times.size} were taken, the longest stretch without a gap")

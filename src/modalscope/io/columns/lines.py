@@ -10,6 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from modalscope.data import DataError, FrequencyResponse
+from modalscope.data.shown import figures
 from modalscope.data.units import plain_unit
 from modalscope.io.arrays import joined
 from modalscope.io.columns.table import Column, Table, as_word, span
@@ -126,7 +127,7 @@ def joined_polar(where: str, magnitude: Array, phase: Array, unit: str, example:
     Raises `DataError`: a phase whose unit is not known.
     """
     if not unit:
-        fault = f"they lie within {np.abs(phase).max(initial=0.0):.3g} of zero, which may be degrees or radians"
+        fault = f"they lie within {figures(np.abs(phase).max(initial=0.0))} of zero, which may be degrees or radians"
         remedy = f'Say which: --units "{example}=deg" or --units "{example}=rad".'
         raise needs(where, "the unit of its phases", fault, remedy)
     factor = np.exp(1j * (np.deg2rad(phase) if unit == "deg" else phase))

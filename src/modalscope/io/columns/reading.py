@@ -91,9 +91,9 @@ def _readings(
     for column in columns:
         said = option_roles.get(column.number)
         if said is not None:
-            weights[column.number].add(said, -NEVER * SURE, "--columns says so")
+            weights[column.number].add(said, -NEVER * SURE, "said by --columns")
         elif named:
-            weights[column.number].add("ignore", -NEVER * SURE, "--columns does not name it")
+            weights[column.number].add("ignore", -NEVER * SURE, "not named in --columns")
     free = [c for c in columns if not (c.textual or _is_counter(c) or (named and c.number not in option_roles))]
     found = []
     # without a column of times or frequencies a header has to say their step

@@ -10,6 +10,7 @@ import numpy as np
 
 from modalscope.data import DataError, ImpulseResponse, Signals
 from modalscope.data.channels import names_base
+from modalscope.data.shown import figures
 from modalscope.io.columns.axis import (
     CLOCK_ACCURACY,
     Sampling,
@@ -272,7 +273,7 @@ def sampling_rate(table: Table, axis: Column | None, options: Options) -> tuple[
         remedy = f"Resample the record, {clock}: --resample auto, or {way_out} HZ{rows}"
         raise needs(table.where, f"evenly sampled times in {axis}", error.found, remedy) from None
     if stated is None and sampling.doubt > _MAX_DOUBT_OF_RATE * sampling.rate:
-        rate = f"{sampling.rate:.6g} Hz, give or take {sampling.doubt:.2g}"
+        rate = f"{sampling.rate:.6g} Hz, give or take {figures(sampling.doubt, 2)}"
         raise needs(table.where, "a sampling rate", f"the digits of the times in {axis} leave it open: {rate}", remedy)
     if stated is not None and not same_rate(stated, sampling.rate, sampling.doubt):
         asked = f"reading {table.where} at {stated:g} Hz, as {source} says, was asked"

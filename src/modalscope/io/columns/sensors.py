@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from modalscope.data.shown import percent
 from modalscope.io.columns.axis import grain_of, roundest
 from modalscope.io.columns.clock import clock_of, longest_without_gap, resampled
 from modalscope.io.columns.records import seconds_of
@@ -106,7 +107,7 @@ def _on_one_clock(
     grid = begin + np.arange(int((end - begin) * rate) + 1) / rate
     held = [part[c] for c, part in zip(cut, parts, strict=True)]
     lost = max(resampled(t, part, rate)[1] for t, part in zip(even, held, strict=True))
-    share = "not known" if np.isnan(lost) else f"{100 * lost:.2g} % of the motion"
+    share = "not known" if np.isnan(lost) else f"{percent(lost, 2)} of the motion"
     gaps = any(c.stop - c.start < len(t) for t, c in zip(times, cut, strict=True))
     whole = f", the longest stretch without a gap ({end - begin:.4g} of {shortest:.4g} s)" if gaps else ""
     said = f"their clocks are put on one, {rate:.6g} Hz, by cubic splines{whole}; what is lost is {share}"

@@ -162,9 +162,7 @@ def _notes(odd: Sequence[tuple[int, str]], last: int) -> list[str]:
     ):
         if lines:
             shown = lines[0][1].strip()[:CHARACTERS_SHOWN]
-            notes.append(
-                f"{counted(len(lines), 'line')} {words} {'was' if len(lines) == 1 else 'were'} left ({shown!r} ...)"
-            )
+            notes.append(f"{counted(len(lines), 'line')} {words} ignored ({shown!r} ...)")
     return notes
 
 

@@ -270,7 +270,7 @@ def sort_impulse(functions: Sequence[Function], options: dict[str, Any], si: boo
     start = round(float(x[0]) * rate)
     apart, values = kind in ("correlation", "pulse"), fields.pop("values").real
     if start < 0:
-        out.notes.append(f"{-start} samples before time zero were left")
+        out.notes.append(f"{-start} samples before time zero ignored")
         values, start = values[-start:], 0
     direct = values[0] if apart and start == 0 else None
     out.thing = ImpulseResponse(

@@ -69,7 +69,7 @@ def merge_bands(
     >>> len(merge_bands([modes, modes], [(0, 4.5), (4, 8)]))
     5
     """
-    results = check_each("merge_bands", results, "a list of modes, one a band")
+    results = check_each("merge_bands", results, "a list of modes, one per band")
     for result in results:
         check_kind("each result of a band", result, ModalModel)
     bands = [check_band(band) for band in check_each("bands", bands, "a list of pairs in Hz")]

@@ -17,6 +17,7 @@ from itertools import combinations
 
 import numpy as np
 
+from modalscope.data.shown import percent
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.numerics.functions.pole_functions import line_functions
 from modalscope.numerics.statistics import assign
@@ -206,7 +207,7 @@ class _Modes:
         if not shift:
             return "one pole explains both"
         modes = "one mode that shifts" if len(self.poles) == 1 else f"{len(self.poles)} modes that shift"
-        return f"{modes} by {100 * shift:.2g} % explain{'s' * (len(self.poles) == 1)} {100 * min(self.explained, 1.0):.3g} % of all"
+        return f"{modes} by {percent(shift, 2)} explain{'s' * (len(self.poles) == 1)} {percent(min(self.explained, 1.0))} of all"
 
 
 @dataclass(frozen=True, eq=False, slots=True)

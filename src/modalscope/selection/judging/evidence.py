@@ -11,6 +11,7 @@ from modalscope.data.indicators import cmif, prominence
 from modalscope.data.rebuilt import of_diagram, peak_sizes
 from modalscope.data.response import Response, output_scale
 from modalscope.data.results import StabilizationDiagram
+from modalscope.data.shown import figures, percent
 from modalscope.identification.orders import usable_orders
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.functions.poles import frequencies_and_damping, poles_from
@@ -213,11 +214,11 @@ def sentence(facts: dict[str, Any], loss: float) -> str:
         signs.append(f"{100 * min(facts['share_of_peak'], 1.0):.0f} % of the response at its frequency")
     if facts["indicator_prominence"] >= LEAST_PROMINENCE:
         ratio = facts["indicator_prominence"]
-        signs.append(f"CMIF peak {ratio:.3g} x its surroundings" if np.isfinite(ratio) else "isolated CMIF peak")
+        signs.append(f"CMIF peak {figures(ratio)} x its surroundings" if np.isfinite(ratio) else "isolated CMIF peak")
     reasons = [_orders_of(facts), *(signs or ["weak at its frequency"])]
     if "gain" in facts:
         gain = float(f"{facts['gain']:.3g}")
-        reasons.insert(0, f"significance {gain:.10g}; noise alone reaches {facts['noise_gain']:.2g}")
+        reasons.insert(0, f"significance {gain:.10g}; noise alone reaches {figures(facts['noise_gain'], 2)}")
     if "cluster" in facts:
         reasons.append(f"represents {facts['cluster']} poles too close to separate")
     if "rests_on" in facts:
@@ -225,7 +226,7 @@ def sentence(facts: dict[str, Any], loss: float) -> str:
     if "uncertain" in facts:
         reasons.append(facts["uncertain"])
     change = "grows" if loss >= 0 else "falls"
-    return f"{'; '.join(reasons)}; without it the unexplained part {change} by {100 * abs(loss):.2g} %"
+    return f"{'; '.join(reasons)}; without it the unexplained part {change} by {percent(abs(loss), 2)}"
 
 
 def _orders_of(facts: dict[str, Any]) -> str:

@@ -26,7 +26,7 @@ from modalscope.data.indicators import mac, mpc
 from modalscope.data.mode_fields import half_widths
 from modalscope.data.modes import ModalModel
 from modalscope.data.sameness import divided, log_ratios
-from modalscope.data.shown import percent
+from modalscope.data.shown import figures, percent
 from modalscope.numerics.checks import Array, BoolArray, RealArray
 from modalscope.numerics.statistics import levels_of_table
 from modalscope.selection.judging.evidence import LEAST_PEAK, LEAST_PROMINENCE
@@ -116,7 +116,7 @@ def grades(modes: ModalModel, holds: BoolArray | None = None) -> tuple[Grade, ..
             *_of_shape(float(known[i]), float(phases[i])),
         ]
         said = {
-            "frequency": f"frequency known within ±{f:.2g} Hz",
+            "frequency": f"frequency known within ±{figures(f, 2)} Hz",
             "damping": f"damping known within ±{percent(_relative(zeta, float(modes.damping_ratios[i])), 2)}",
             "shape": "no rule speaks against it"
             if np.isinf(known[i])

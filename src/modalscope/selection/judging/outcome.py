@@ -16,7 +16,7 @@ from modalscope.data.rebuilt import rebuilt
 from modalscope.data.response import Response
 from modalscope.data.results import DEVIATIONS, StabilizationDiagram
 from modalscope.data.sameness import likeliest, log_ratios
-from modalscope.data.shown import list_some
+from modalscope.data.shown import figures, list_some
 from modalscope.data.whitening import levels_of_channels
 from modalscope.identification.orders import ORDERS_END, usable_orders
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
@@ -119,7 +119,7 @@ def _shifting(chosen: Sequence[Candidate]) -> tuple[Note, ...]:
         return ()
     by_output, by_input = (100 * known[f"shift_by_{side}"] for side in ("output", "input"))
     text = (
-        f"Sensors disagree on frequency by {by_output:.2g} %, places of force by {by_input:.2g} %: "
+        f"Sensors disagree on frequency by {figures(by_output, 2)} %, places of force by {figures(by_input, 2)} %: "
         "mass loading, or the structure changed during the test"
     )
     return (Note("shifts", {"by_output": by_output, "by_input": by_input}, text),)

@@ -63,7 +63,7 @@ def note_on_ends(response: Response, modes: ModalModel) -> Note | None:
         return None  # all have died, or these are no lines of a transform
     most, seconds = int(gone_on[np.argmax(left[gone_on])]), 1 / line_step(response)
     text = (
-        f"If the responses come from blocks of {seconds:.3g} s without a window, {counted(gone_on.size, 'mode')} went on at their ends "
+        f"If the responses come from blocks of {seconds:.4g} s without a window, {counted(gone_on.size, 'mode')} went on at their ends "
         f"({percent(float(left[most]), 2)} left at {modes.frequencies[most]:.4g} Hz): leakage biases damping. Measure longer blocks"
     )
     return Note(

@@ -18,6 +18,7 @@ from modalscope.data.indicators import mac
 from modalscope.data.rebuilt import contributions
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
+from modalscope.data.shown import figures, percent
 from modalscope.identification.orders import usable_orders
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.numerics.functions.poles import frequencies_and_damping, overlap, poles_from
@@ -52,9 +53,7 @@ def left_open(apart: float, damped: float) -> str:
     """Say how uncertain a mode is, in half-power half bandwidths and relative to its damping."""
     if not (apart < _MAX_STATED_DEVIATION and damped < _MAX_STATED_DEVIATION):
         return "frequency or damping undetermined by the data"
-    return (
-        f"uncertain: frequency by {apart:.2g} half bandwidths, damping by {100 * damped:.2g} % (one standard deviation)"
-    )
+    return f"uncertain: frequency by {figures(apart, 2)} half bandwidths, damping by {percent(damped, 2)} (one standard deviation)"
 
 
 def rarely_shown(found: int, tried: int) -> str:
@@ -324,7 +323,7 @@ def _mode(
         against.append(few_orders if rare else too_little(gain, trial.bar, coloured=True))
     apart, damped = (deviation * trial.gain[j] / gain for deviation in trial.left_open(j))
     if zeta >= MAX_DAMPING_OF_RESONANCES and not groups:
-        against.append(f"damping {100 * zeta:.2g} %, not found in the diagram: may represent modes outside the band")
+        against.append(f"damping {percent(zeta, 2)}, not found in the diagram: may represent modes outside the band")
     if not (apart < _MAX_DEVIATION and damped < _MAX_DEVIATION):
         shown = _at_peak(trial, j, best, fit) if trial.selection.coloured else None
         best = best if shown is None else replace(shown, facts=shown.facts | {"uncertain": left_open(apart, damped)})

@@ -12,7 +12,7 @@ from modalscope.data.mode_fields import degrees_of
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.setups import Setups
-from modalscope.data.shown import list_some
+from modalscope.data.shown import figures, list_some
 from modalscope.numerics.checks import Array, BoolArray, ComplexArray, IntArray, RealArray
 from modalscope.numerics.resources import one_thread
 from modalscope.selection.likelihood.ambient import Cells, Scored, Transformed, cells_of, deviations, scored, unknowns
@@ -144,7 +144,7 @@ def _at_place(seen: _Seen, modes: ModalModel, place: _Place, apart: bool) -> _Re
         len(each.counts) * (4 * unknowns(len(start), len(each.values[0])) * len(each.values[0])) ** 2 for each in cells
     )
     if work > _MAX_PRODUCTS:
-        return f"{len(start)} modes on the same lines exceed the limit on computing time by a factor {work / _MAX_PRODUCTS:.2g}"
+        return f"{len(start)} modes on the same lines exceed the limit on computing time by a factor {figures(work / _MAX_PRODUCTS, 2)}"
     found = _means([scored([each], start) for each in cells], start) if apart else scored(cells, start)
     if found.misfit > _MAX_MISFIT:
         return _more_there(found.misfit)
@@ -232,12 +232,12 @@ def _wrapped(modes: ModalModel, found: Sequence[tuple[IntArray, _Refined | str]]
         return modes.noted(notes)
     columns = {name: np.where(better if a.ndim == 1 else better[:, None], new[name], a) for name, a in before.items()}
     misfit = max(one.misfit for _, one in done)
-    text = "standard deviations from the lines of every setup, left out one at a time in Whittle's likelihood, and pieces in time"
+    text = "Intervals from the spectra (Whittle's likelihood): lines left out one at a time, and pieces in time"
     if not better.all():
-        text += f"; as before of {_names(modes, np.flatnonzero(~better))}, where lines tell no more"
+        text += f"; unchanged for {_names(modes, np.flatnonzero(~better))}, which spectra do not narrow"
     notes.append(Note(KIND, {"misfit": misfit}, text))
     if misfit > _MAX_QUIET_MISFIT:
-        text = f"Residual {misfit:.2g} x its expected variance: other modes may be present"
+        text = f"Residual {figures(misfit, 2)} x its expected variance: other modes may be present"
         notes.append(Note("more than modes", {"misfit": misfit}, text))
     kept = [note for note in modes.notes if note.kind != KIND or not better.all()]
     refined = replace(_with(modes, columns), unrefined=replace(modes, unrefined=None), converged=True)
@@ -245,7 +245,7 @@ def _wrapped(modes: ModalModel, found: Sequence[tuple[IntArray, _Refined | str]]
 
 
 def _more_there(misfit: float) -> str:
-    return f"residual {misfit:.2g} x its expected variance: other modes or machines?"
+    return f"residual {figures(misfit, 2)} x its expected variance: other modes or machines?"
 
 
 def _names(modes: ModalModel, which: IntArray) -> str:

@@ -104,7 +104,7 @@ def _moved_far(before: ComplexArray, poles: ComplexArray) -> list[Note]:
         return []
     (old, _), (new, _) = frequencies_and_damping(before[far]), frequencies_and_damping(poles[far])
     moves = ", ".join(f"{a:.5g} to {b:.5g} Hz" for a, b in zip(old, new, strict=True))
-    text = f"Moved by more than their decay rate: {moves}. Modes are missing from the list: use `analyze` to find all"
+    text = f"Modes are missing from the list: others moved to them, by more than their half bandwidth ({moves}). Use `analyze` to find all"
     return [Note("moved far", {"modes": int(far.sum())}, text)]
 
 

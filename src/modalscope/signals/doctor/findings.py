@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from string import Formatter
 from typing import Any
 
 import numpy as np
@@ -12,15 +13,16 @@ from modalscope.data.notes import Finding
 from modalscope.data.records import Records, Signals
 from modalscope.data.response import Response
 from modalscope.data.setups import Setups
+from modalscope.data.shown import figures
 from modalscope.data.sizes import constant_channels
 from modalscope.numerics.checks import Array, RealArray
 
 #: One side of the data: "output" or "input", its channels as columns (N, c), and their labels.
 Side = tuple[str, Array, tuple[str, ...]]
 
-_EXCLUDE = "Check cable and sensor, or leave it out: exclude=[{channels[0]!r}]."
+_EXCLUDE = "Check cable and sensor, or leave it out: --exclude {channels[0]!r}."
 _AS_RUNS = "Give the parts before and after as runs: merge([...])."
-_ALIGNED = "Outputs are shifted back before modes are identified, as --delays {given} does; keep them with delays={{}} (--delays none)."
+_ALIGNED = "Outputs are shifted back before modes are identified (--delays {given}); to keep the delays: --delays none."
 
 #: Reason and remedy of every kind of finding; rows of one kind differ in what follows the colon.
 ROWS = {
@@ -92,7 +94,7 @@ ROWS = {
         "Exchange rows and columns: samples come first, outputs=y.T."),
     "conjugated": (
         "phases rise along the resonances: energy arrives before the impulse",
-        "Take the complex conjugates (time convention exp(-j w t)): --conjugate, conjugate=True."),
+        "Take the complex conjugates (time convention exp(-j w t)): --conjugate."),
     "no phase: magnitudes": ("all values are real: magnitudes without phase", "Give magnitude times exp(j phase)."),
     "no phase: decibels": (
         "values look like decibels without phase",
@@ -109,10 +111,10 @@ ROWS = {
         _ALIGNED),
     "delay: phase": (
         "{size:.4g} s, {samples:.3g} samples, {side} than most other outputs",
-        "Look for another filter or recorder; shift it with --delays {given}, or leave it out: exclude=[{channels[0]!r}]."),
+        "Look for another filter or recorder; shift it with --delays {given}, or leave it out: --exclude {channels[0]!r}."),
     "delay: part": (
         "{size:.4g} s, {samples:.3g} samples, {side} than most other outputs",
-        "Look for another filter or recorder; shift it by {seconds:.4g} s, or leave it out: exclude=[{channels[0]!r}]."),
+        "Look for another filter or recorder; shift it by {seconds:.4g} s, or leave it out: --exclude {channels[0]!r}."),
     "missing samples": (
         "some {lost} samples are missing in all channels at {count} times: {where}",
         "Look for lost blocks or a clock that jumped. " + _AS_RUNS),
@@ -133,7 +135,7 @@ ROWS = {
         "Give every place a file, or its own label: input_dofs."),
     "changed: channel": (
         "the other channels predict {first:.0f} % of its power in the first half of the record, {second:.0f} % in the second",
-        "Look for a broken cable or a sensor that fell off; use one half, or leave the channel out: exclude=[{channels[0]!r}]."),
+        "Look for a broken cable or a sensor that fell off; use one half, or leave the channel out: --exclude {channels[0]!r}."),
     "changed: all": (
         "each half is predicted {factor:.2g} times less well by the other than by itself",
         "Look for two tests in one file, or sensors that were moved. " + _AS_RUNS),
@@ -165,6 +167,14 @@ _MAX_THINNED = 1 << 14
 _DUPLICATE = 1e-6
 
 
+class _Texts(Formatter):
+    """Write numbers of `.3g` without an exponent, as all texts do."""
+
+    def format_field(self, value: Any, format_spec: str) -> str:
+        """Return a number or text in its form."""
+        return figures(value, int(format_spec[1:-1])) if format_spec.endswith("g") else format(value, format_spec)
+
+
 def finding(name: str, *channels: str, at: Iterable[float] = (), **measured: Any) -> Finding:
     """Return the finding of a row of the table, with what was measured in its texts, and its frequencies `at` (Hz).
 
@@ -173,7 +183,7 @@ def finding(name: str, *channels: str, at: Iterable[float] = (), **measured: Any
     >>> print(finding("dead", "y2"))
     dead: y2: it never changes. Check cable and sensor, or leave it out: exclude=['y2'].
     """
-    reason, change = (text.format(channels=channels, **measured) for text in ROWS[name])
+    reason, change = (_Texts().format(text, channels=channels, **measured) for text in ROWS[name])
     return Finding(name.partition(":")[0], channels, reason, change, tuple(map(float, at)))
 
 

@@ -19,7 +19,7 @@ from modalscope.data.channels import AUTO
 from modalscope.data.notes import Note
 from modalscope.data.records import Signals
 from modalscope.data.responses import FrequencyResponse
-from modalscope.data.shown import counted, list_some, percent
+from modalscope.data.shown import counted, figures, list_some, percent
 from modalscope.numerics.checks import ComplexArray, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.signals.doctor.one_place import ONE, Placed, decide, not_compared, white_noise
@@ -160,7 +160,7 @@ def _doubt(found: Placed) -> str:
     shared = f" (two files have {100 * found.shared:.0f} % of their resonances in common)"
     few = found.kind == "several" and found.shared < _ONE_STRUCTURE
     settled = found.is_sure if found.kind == "several" else found.kind in ("one", "size") and found.shared >= _ONE_SHAPE
-    return f"; if structures of their own{shared * few}: --each" if few or not settled else ""
+    return f"; if structures of their own{shared * few}: `modalscope identify --each`" if few or not settled else ""
 
 
 def against_labels(parts: Sequence[Any]) -> tuple[Note, ...]:
@@ -198,7 +198,7 @@ def _one(found: Placed, names: Sequence[str]) -> str:
     if found.kind == "size":
         gain = np.exp(np.median(np.log(found.gains), axis=1))
         k = int(np.argmax(np.abs(np.log(gain))))
-        return f"{files} look like one place, but {names[k]} is {gain[k]:.2g} times as large (overload, range or unit?): taken as one"
+        return f"{files} look like one place, but {names[k]} is {figures(gain[k], 2)} x as large (overload, range or unit?): taken as one"
     how = "are runs by their names" if found.kind == "several" else "look like one place"
     return f"{files} {how} ({_apart(found)}): taken as one"
 
@@ -206,7 +206,7 @@ def _one(found: Placed, names: Sequence[str]) -> str:
 def labels_option(files: int, side: str = "input", labels: Sequence[str] = ()) -> str:
     """Return the option that makes every file a place, or gives it the label that its name says."""
     if files > _MAX_LISTED:
-        return f"--{side}-dofs with {files} labels, one per file"
+        return f"{files} labels, one per file: --{side}-dofs"
     return f"--{side}-dofs {' '.join(labels or [str(k + 1) for k in range(files)])}"
 
 

@@ -9,6 +9,7 @@ from scipy import fft
 
 from modalscope.data.notes import Finding
 from modalscope.data.records import Signals
+from modalscope.data.shown import percent
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.signals.doctor.findings import channels_of, finding
@@ -112,7 +113,7 @@ def _cut_hits(signals: Signals, hits: list[Hit]) -> list[Hit]:
     # hit k is in the mean from which the others are predicted, alike for all
     if more < max(_MIN_CUT, _CUT_DEVIATIONS * float(np.std(others, ddof=1))):
         return hits
-    reason = f"outputs {100 * more:.2g} % larger relative to its force than in the other hits: force clipped, or another place"
+    reason = f"outputs {percent(more, 2)} larger relative to its force than in the other hits: force clipped, or another place"
     return [hit._replace(reason=reason, unfit=True) if hit is hits[k] else hit for hit in hits]
 
 

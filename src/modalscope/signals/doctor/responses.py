@@ -13,7 +13,7 @@ from modalscope.data.notes import Finding, Note
 from modalscope.data.records import Signals
 from modalscope.data.response import Response, line_step
 from modalscope.data.responses import FrequencyResponse
-from modalscope.data.shown import counted
+from modalscope.data.shown import counted, figures
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.statistics import telling
 from modalscope.signals.doctor.findings import dead_channels, finding, identical_channels, sides_of
@@ -90,10 +90,8 @@ def without_offset(response: FrequencyResponse) -> tuple[FrequencyResponse, tupl
     if not falls.size:
         return response, ()
     first = int(falls[-1]) + 1
-    said = (
-        f"{counted(first, 'line')} below {response.frequencies[first]:.4g} Hz left out, {size[0] / size[first]:.2g} times the next: "
-        "offsets of sensors"
-    )
+    times = figures(size[0] / size[first], 2)
+    said = f"{counted(first, 'line')} below {response.frequencies[first]:.4g} Hz left out, {times} times the next: offsets of sensors"
     left = response.at_lines(np.arange(len(response.frequencies)) >= first)
     return left, (Note("offset", {"lines": float(first)}, said),)
 

@@ -14,7 +14,7 @@ from modalscope.data.kind_of_test import kind_of_test
 from modalscope.data.notes import Note
 from modalscope.data.records import Signals
 from modalscope.data.responses import FrequencyResponse
-from modalscope.data.shown import counted
+from modalscope.data.shown import counted, figures
 from modalscope.numerics.checks import RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.signals.doctor.places import labels_option
@@ -105,14 +105,14 @@ def as_one_event(
     dated = own and start.min() > _DATES
     bare = all(_NO_NAME.match(p.output_dofs[0]) for p in parts) or kind_of_test(parts[0].by_run()[0], None) == "ambient"
     if not dated and (runs or not bare or not _coherent([y[:, 0] for y in on])):
-        said = f"{len(parts)} files of one channel are taken as runs of it; if sensors of one event: {labels_option(len(parts), 'output')}"
+        said = f"{len(parts)} files of one channel, taken as its runs; if sensors of one event: {labels_option(len(parts), 'output')}"
         return list(parts), (Note("file", {}, said),) if len({p.output_dofs for p in parts}) == 1 else ()
-    text = f"{len(parts)} files hold a channel each of one event, named after their files"
+    text = f"{len(parts)} files of one channel, taken as sensors of one event and named after their files"
     text += "" if np.ptp(rates) else " (if they are runs: --output-dofs 1)"
     if own:
         ppm = ", ".join(f"{name} {1e6 * (usual / rate - 1):+.0f}" for name, rate in zip(names, rates, strict=True))
-        held = f"{usual:.6g} Hz, over the {last - first:.4g} s that all have, by cubic splines"
-        text += f"; clocks of their own are put on one, {held}: drift in millionths {ppm}; starts differ by {np.ptp(shift):.4g} s"
+        clock = f"{usual:.6g} Hz over the common {last - first:.4g} s, by cubic splines"
+        text += f"; resampled to one clock ({clock}); drift in ppm: {ppm}; starts differ by {np.ptp(shift):.4g} s"
     of = [{"outputs": y, "sampling_rate": usual, "output_dofs": (name,)} for y, name in zip(on, names, strict=True)]
     note = Note("file", {"start": float(np.ptp(shift))}, text)
     return [replace(p, **fields) for p, fields in zip(parts, of, strict=True)], (note,)
@@ -139,7 +139,7 @@ def from_its_start(record: Signals) -> tuple[Signals, tuple[Note, ...]]:
     u = record.by_run()[1]
     cut = replace(record, outputs=y[begin:], inputs=None if u is None else u[0, begin:])
     names, ms = ", ".join(still[:4]), 1e3 * begin / record.sampling_rate
-    said = f"The first {begin} samples ({ms:.3g} ms) were left out: {names} stand still there, far beyond what follows"
+    said = f"The first {begin} samples ({figures(ms)} ms) were left out: {names} stand still there, far beyond what follows"
     return cut.processed(f"cut to begin at sample {begin + 1}"), (Note("start", {"samples": float(begin)}, said),)
 
 

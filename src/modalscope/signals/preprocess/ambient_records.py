@@ -90,7 +90,7 @@ def aligned(records: Records, delays: Mapping[str, int]) -> tuple[Records, tuple
     listed = ", ".join(f"{dof} by {lag} samples" for dof, lag in delays.items() if lag)
     which = f"All outputs were shifted back by {longest} samples" if len(set(lags)) == 1 else f"Shifted back: {listed}"
     against = "after the forces" if records.input_dofs else "after the others"
-    text = f"{which}, their delay {against}; poles and shapes stay. Keep the delay with delays={{}} (--delays none)"
+    text = f"{which}, their delay {against}; poles and shapes stay. To keep the delay: --delays none"
     return moved, (Note(DELAYS, {"samples": float(longest)}, text),)
 
 

@@ -13,6 +13,7 @@ from modalscope.data.notes import Note
 from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.records import Signals
 from modalscope.data.response import Response
+from modalscope.data.shown import figures, percent
 from modalscope.data.stored import Record
 from modalscope.numerics.checks import BoolArray, RealArray
 from modalscope.signals.preprocess.conditioning import decimate, filter_band
@@ -63,13 +64,13 @@ class AutomaticBands(NamedTuple):
     def note(self, parts: tuple[Band, ...]) -> Note:
         """Return the note on the bands used, the whole or its parts."""
         assert self.span is not None
-        drift = "" if self.drift is None else f"; drift below ({100 * self.below:.2g} % of the power) removed"
+        drift = "" if self.drift is None else f"; drift below ({percent(self.below, 2)} of the power) removed"
         if self.folded is not None:
             end, half = self.folded
             drift += f"; peaks above {UNFOLDED:g} of half the sampling rate may be aliases: to search there, --band {end:g} {half:g}"
         bands = ", ".join(f"{low:g} to {high:g} Hz" for low, high in parts)
         kind, noun = (CHOSEN, "Band") if len(parts) == 1 else (SPLIT, "Bands")
-        text = f"{noun} {bands}: spectral peaks at {self.span[0]:.3g} to {self.span[1]:.3g} Hz{drift}"
+        text = f"{noun} {bands}: spectral peaks at {figures(self.span[0])} to {figures(self.span[1])} Hz{drift}"
         return Note(kind, {**_numbers(parts[0][0], parts[-1][1], len(parts)), "share_below": self.below}, text)
 
 

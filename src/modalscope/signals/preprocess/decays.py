@@ -15,6 +15,7 @@ import scipy
 from modalscope.data.notes import Note
 from modalscope.data.records import Signals
 from modalscope.data.responses import ImpulseResponse
+from modalscope.data.shown import percent
 from modalscope.data.sizes import check_size
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.functions.damped_tones import Decay, decay_of, one_in, without_offset
@@ -159,7 +160,7 @@ def as_free_decay(
     where = f"from {start:.4g} s on" if len(decays) == 1 else f"of {len(decays)} runs, each from its release on"
     text = (
         f"Taken as a free decay {where}{' (clipped before)' if cut else ''}, no force: damped tones explain "
-        f"{100 * (1 - unexplained):.3g} % of it. If it is ambient vibration, say so: route='correlation', --route correlation"
+        f"{percent(1 - unexplained)} of it. If it is ambient vibration, say so: --route correlation"
     )
     fields: dict[str, Any] = signals.labelled() | {
         "input_dofs": tuple(f"run {k + 1}" for k in range(len(decays))),
@@ -196,8 +197,8 @@ def _notes_on(y: RealArray, signals: Signals) -> tuple[Note, ...]:
     if tone.first:
         (low, damped), f = tone.first, tone.frequency
         text = (
-            f"One mode, which goes with the size of its motion: {low * rate:.5g} Hz with a damping of {100 * damped:.2g} % at first, "
-            f"{f * rate:.5g} Hz with {100 * tone.damping:.2g} % at the end"
+            f"One mode, which goes with the size of its motion: {low * rate:.5g} Hz with a damping of {percent(damped, 2)} at first, "
+            f"{f * rate:.5g} Hz with {percent(tone.damping, 2)} at the end"
         )
         notes.append(Note("goes with size", {"first_hz": low * rate, "last_hz": f * rate}, text))
     return tuple(notes)

@@ -55,7 +55,7 @@ def noise_powers(spectra: CrossSpectra, estimator: str, noise: tuple[ArrayLike, 
             inputs = np.broadcast_to(np.asarray(noise[1], dtype=float), (m,))
         except (ValueError, TypeError, IndexError):
             asked = f"noise needs the powers of {l} outputs and {m} inputs"
-            change = "Give a pair (outputs, inputs), each one number or one a channel."
+            change = "Give a pair (outputs, inputs), each one number, or one per channel."
             raise DataError(asked, f"it is {noise!r}", change) from None
         if estimator == "h1" or not (np.all(outputs > 0) and np.all(inputs > 0)):
             asked = f"estimator={estimator!r} with noise={noise!r} was asked"

@@ -12,6 +12,7 @@ from modalscope.data.notes import Note
 from modalscope.data.records import Signals
 from modalscope.data.response import Response
 from modalscope.data.responses import FrequencyResponse
+from modalscope.data.shown import figures
 from modalscope.numerics.arguments import at_least, named
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.errors import DataError
@@ -91,7 +92,7 @@ def estimate_frf(
     window : str, optional
         "hann" (random forces), "flattop", "none" (all others), "hamming", "blackman", "blackmanharris" or "tukey".
     noise : (outputs, inputs), optional
-        Relative noise powers for "hv" and "h2", one number or one a channel; only their ratios matter. By default the
+        Relative noise powers for "hv" and "h2", one number or one per channel; only their ratios matter. By default the
         same fraction of every channel's own power.
     force_window : float, optional
         Seconds after a hit's trigger during which the force is kept; zero after that.
@@ -283,8 +284,8 @@ def leakage_note(data: Any, response: Response, frequencies: Array, damping_rati
     worst = narrow[np.argmin(half[narrow])]
     f, width = float(frequencies[worst]), float(half[worst])
     text = (
-        f"Leakage makes the damping of {narrow.size} of {half.size} modes too high: their half bandwidth (at least {width:.3g} Hz, at "
-        f"{f:.4g} Hz) is below four line spacings of {spacing:.3g} Hz. Use route='records', estimator='lrm', or segments of "
-        f"{_LINES_A_HALF_BANDWIDTH / width:.3g} s"
+        f"Leakage makes the damping of {narrow.size} of {half.size} modes too high: their half bandwidth (at least {figures(width)} Hz, at "
+        f"{f:.4g} Hz) is below four line spacings of {figures(spacing)} Hz. Use route='records', estimator='lrm', or segments of "
+        f"{figures(_LINES_A_HALF_BANDWIDTH / width)} s"
     )
     return Note("leakage", {"modes": narrow.size, "spacing": spacing, "frequency": f, "half_bandwidth": width}, text)

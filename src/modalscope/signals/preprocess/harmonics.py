@@ -23,6 +23,7 @@ from scipy import fft, special
 
 from modalscope.data.notes import Note
 from modalscope.data.records import Signals
+from modalscope.data.shown import percent
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.signals.preprocess.spectra import Spectrum
 
@@ -298,6 +299,6 @@ def harmonic_notes(lines: Sequence[Line]) -> tuple[Note, ...]:
         mains = any(abs(f / hz - round(f / hz)) < _MAINS_TOLERANCE and f > hz / 2 for hz in _MAINS)
         source = "the mains" if mains else "a rotating machine"
         evidence = f"constant envelope, false-alarm probability {line.chance:.1g}"
-        text = f"Harmonic of {source} at {f:.5g} Hz +- {100 * line.spread / f:.2g} % ({evidence})"
+        text = f"Harmonic of {source} at {f:.5g} Hz +- {percent(line.spread / f, 2)} ({evidence})"
         notes.append(Note(HARMONIC, numbers, text))
     return tuple(notes)

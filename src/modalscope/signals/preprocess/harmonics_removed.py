@@ -10,6 +10,7 @@ import numpy as np
 from scipy import fft
 
 from modalscope.data.records import Signals
+from modalscope.data.shown import figures
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import ComplexArray, RealArray, check_each, check_positive
 from modalscope.numerics.errors import DataError
@@ -70,7 +71,7 @@ def remove_harmonics(signals: Signals, frequencies: Iterable[float] | None = Non
     given = [check_positive("each of frequencies", f) for f in check_each("frequencies", frequencies, "numbers in Hz")]
     for f in given:
         if _edges(signals, f, _DEFAULT_SPREAD * f) is None:
-            have = f"a run has no band around it within {1 / signals.duration:.3g} to {signals.sampling_rate / 2:g} Hz"
+            have = f"a run has no band around it within {figures(1 / signals.duration)} to {signals.sampling_rate / 2:g} Hz"
             raise DataError(f"a harmonic at {f:g} Hz was to be removed", have, "Leave it out.")
     return without_lines(signals, ((f, _DEFAULT_SPREAD * f) for f in given))
 

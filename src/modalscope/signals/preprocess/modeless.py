@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from modalscope.data.notes import Note
+from modalscope.data.shown import figures, percent
 from modalscope.numerics.checks import RealArray
 from modalscope.signals.preprocess.harmonics import Line
 from modalscope.signals.preprocess.spectra import Spectrum
@@ -39,7 +40,7 @@ def modeless_notes(spectrum: Spectrum, levels: Levels, lines: Sequence[Line]) ->
     >>> noise = 0.1 * np.random.default_rng(0).standard_normal((30000, 2))
     >>> spectrum = Spectrum.of(Signals(outputs=hum + noise, sampling_rate=50.0))
     >>> print(*modeless_notes(spectrum, levels_in(spectrum), lines_in(spectrum)))
-    Nothing but hum of machines: the line at 12 Hz holds 97.3 % of the power, and there is no other spectral peak
+    Nothing but hum of machines: the line at 12 Hz holds 97.3 % of the power; no other spectral peak
     """
     peaks = levels.in_peak.copy()
     for line in lines:
@@ -50,16 +51,14 @@ def modeless_notes(spectrum: Spectrum, levels: Levels, lines: Sequence[Line]) ->
     if share > _MIN_SHARE:
         listed = ", ".join(f"{line.frequency:.4g}" for line in lines[:_NAMED]) + ", ..." * (len(lines) > _NAMED)
         which = f"the lines at {listed} Hz hold" if len(lines) > 1 else f"the line at {listed} Hz holds"
-        text = (
-            f"Nothing but hum of machines: {which} {_percent(share)} of the power, and there is no other spectral peak"
-        )
+        text = f"Nothing but hum of machines: {which} {percent(min(share, 1.0))} of the power; no other spectral peak"
         return (Note(NOISE, {"lines": float(len(lines)), "share": share}, text),)
     power = np.sum(np.abs(spectrum.lines) ** 2, axis=(0, 2))
     slow = float(power[: int(_PERIODS)].sum() / power.sum())
     if slow > _MIN_SHARE:
         f = _PERIODS * spectrum.step
-        held = f"{_percent(slow)} of the power lies below {f:.3g} Hz"
-        text = f"Quasi-static motion: {held}, and there is no spectral peak: only precise modes count"
+        held = f"{percent(slow)} of the power lies below {figures(f)} Hz"
+        text = f"Quasi-static motion: {held}, without a spectral peak; only precise modes are reported"
         return (Note(UNSEEN, {"share": slow, "hz": f}, text),)
     return ()
 
@@ -79,7 +78,3 @@ def _falling(level: RealArray) -> int:
     """Return the number of bins over which a level falls before it rises from its minimum by what makes a peak."""
     rises = np.flatnonzero(level > MIN_PEAK_RATIO * np.minimum.accumulate(level)) if level.size else level
     return int(rises[0]) if rises.size else level.size
-
-
-def _percent(share: float) -> str:
-    return f"{100 * min(share, 1.0):.3g} %"

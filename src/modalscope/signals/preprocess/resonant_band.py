@@ -20,6 +20,7 @@ from scipy import special
 
 from modalscope.data.notes import Note
 from modalscope.data.record_spectra import RecordSpectra
+from modalscope.data.shown import figures
 from modalscope.numerics.checks import BoolArray, ComplexArray, IntArray, RealArray
 from modalscope.signals.preprocess.bands import band_up_to, rounded
 from modalscope.signals.preprocess.spectral_peaks import bin_edges
@@ -102,7 +103,7 @@ def resonant_band(spectra: RecordSpectra) -> tuple[tuple[float, float], Note] | 
     high = rounded(_HIGH_END * highest)
     if not 0 < _MIN_EXCESS * high < spectra.sampling_rate / 2:
         return None
-    return band_up_to(high, f"no resonance above {highest:.3g} Hz")
+    return band_up_to(high, f"no resonance above {figures(highest)} Hz")
 
 
 def polynomial_residuals(spectra: RecordSpectra, run: slice) -> Residuals:

@@ -19,6 +19,7 @@ from scipy import special
 
 from modalscope.data.notes import Note
 from modalscope.data.records import Signals
+from modalscope.data.shown import figures
 from modalscope.data.stored import StoredSignals
 from modalscope.data.whitening import Whitening, normed_covariance, whitening_matrix
 from modalscope.numerics.checks import Array, BoolArray, ComplexArray, IntArray, RealArray
@@ -236,9 +237,9 @@ def noise_notes(levels: Levels, band: tuple[float, float] | None = None) -> tupl
     if inside.sum() < _MIN_TESTED_BINS or np.any(levels.in_peak & inside):
         return ()
     low, high = levels.frequencies[inside][[0, -1]].tolist()
-    kind, text = UNSEEN, f"No spectral peak in {low:.3g} to {high:.3g} Hz: only precise modes are reported"
+    kind, text = UNSEEN, f"No spectral peak in {figures(low)} to {figures(high)} Hz: only precise modes are reported"
     if _scatter(levels, inside) < _MAX_SCATTER:
-        kind, text = NOISE, f"Only noise in {low:.3g} to {high:.3g} Hz: the spectrum is flat, without a peak"
+        kind, text = NOISE, f"Only noise in {figures(low)} to {figures(high)} Hz: the spectrum is flat, without a peak"
     return (Note(kind, {"lowest_hz": low, "highest_hz": high}, text),)
 
 

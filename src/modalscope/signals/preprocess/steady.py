@@ -16,6 +16,7 @@ from scipy.special import chdtri
 
 from modalscope.data.notes import Note
 from modalscope.data.records import Signals
+from modalscope.data.shown import figures
 from modalscope.data.stored import Rows, StoredSignals
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.signals.preprocess.spectra import Spectrum
@@ -82,7 +83,7 @@ def steadied(record: Signals | StoredSignals, spectrum: Spectrum) -> Steady | No
     >>> record = Signals(outputs=y, sampling_rate=10.0)
     >>> found = steadied(record, Spectrum.of(record))
     >>> print(found.note)
-    The level of the record changes: stretches were divided by theirs. Times the usual one: 20 from 100 to 120 s
+    Level of the record changes: stretches were scaled to one level. Relative to the usual level: 20 from 100 to 120 s
     >>> bool(np.std(found.record.outputs[1050:1150]) < 1.2)
     True
     """
@@ -239,8 +240,8 @@ def _note(level: RealArray, loud: list[Array], powers: _Powers) -> Note:
     for group in loud[:_NAMED]:
         run = f" of run {group[0] // each + 1}" if powers.runs > 1 else ""
         start, stop = (group[0] % each) * powers.seconds, (group[-1] % each + 1) * powers.seconds
-        named.append(f"{level[group].max():.3g} from {start:.4g} to {stop:.4g} s{run}")
+        named.append(f"{figures(level[group].max())} from {start:.4g} to {stop:.4g} s{run}")
     further = ", ..." if len(loud) > _NAMED else ""
-    which = "; ".join(named) + further if named else f"{level.min():.2g} to {level.max():.2g}"
-    text = f"The level of the record changes: stretches were divided by theirs. Times the usual one: {which}"
+    which = "; ".join(named) + further if named else f"{figures(level.min(), 2)} to {figures(level.max(), 2)}"
+    text = f"Level of the record changes: stretches were scaled to one level. Relative to the usual level: {which}"
     return Note(LEVEL, {"least": float(level.min()), "largest": float(level.max())}, text)

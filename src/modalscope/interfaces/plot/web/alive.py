@@ -13,7 +13,7 @@ from modalscope.data import DataError, ModalModel, StabilizationDiagram
 from modalscope.data.results import Result
 from modalscope.data.shown import html_table
 from modalscope.interfaces.plot.picture import unit_of
-from modalscope.interfaces.plot.web.blob import pack
+from modalscope.interfaces.plot.web.blob import pack, parts_of
 from modalscope.interfaces.plot.web.fits import Fit, Lines, fit_of_bands, lines_of
 from modalscope.interfaces.plot.web.modes import modes_parts, over_points
 from modalscope.interfaces.plot.web.poles import first_indicator, poles_parts
@@ -104,7 +104,7 @@ def alive_blob(drawing: Drawing) -> bytes:
         if channels:  # records have one fit error per output, (l, 1)
             head |= {"channels": True, "fits": np.broadcast_to(drawing.fit[1], shape), "scales": scales}
             arrays |= channels
-    return pack(head, arrays, exact=(*exact, "response_lines"), half=tuple(_SIDES))
+    return pack(head, arrays, exact=(*exact, "response_lines"), half=_SIDES)
 
 
 #: Arrays of responses: half precision, relative to the largest value of each channel, is a hundredth of a decibel.
@@ -118,11 +118,8 @@ def _channels(modes: ModalModel, lines: Lines) -> tuple[dict[str, Array], Array]
     if most < _MIN_LINES:
         return {}, scales
     kept = _shown(lines.frequencies, modes, most)
-    drawn = {}
-    for name in _SIDES:
-        side, part = name.split("_")
-        values = np.clip(getattr(getattr(lines, side)[kept] / scales, part), -_MAX_RATIO, _MAX_RATIO)
-        drawn[name] = np.moveaxis(values, 0, -1)
+    sides = parts_of(measured=lines.measured[kept] / scales, rebuilt=lines.rebuilt[kept] / scales)
+    drawn = {name: np.moveaxis(np.clip(v, -_MAX_RATIO, _MAX_RATIO), 0, -1) for name, v in sides.items()}
     return {"response_lines": lines.frequencies[kept], **drawn}, scales
 
 
@@ -171,12 +168,7 @@ def widget(thing: Any) -> Any:
     if script is None or style is None:
         remedy = "Run: make page (needs Node 20 and npm)."
         raise DataError("a widget needs its built front end", "there is none here", remedy)
-    fields = {
-        "_esm": script,
-        "_css": style,
-        "blob": traitlets.Bytes().tag(sync=True),
-        "chosen": traitlets.Int(0).tag(sync=True),
-    }
+    fields = {"blob": traitlets.Bytes().tag(sync=True), "chosen": traitlets.Int(0).tag(sync=True)}
 
     class Exported(anywidget.AnyWidget):  # type: ignore[name-defined,misc]
         def _repr_mimebundle_(self, **given: Any) -> Any:
@@ -184,7 +176,9 @@ def widget(thing: Any) -> Any:
             data, *more = super()._repr_mimebundle_(**given)
             return ({**data, "text/html": diagrams[0]._repr_html_() + html_table(table_of(modes))}, *more)
 
-    return type("Widget", (Exported,), fields)(blob=alive_blob(drawing_of(modes, *diagrams)))
+    return type("Widget", (Exported,), {"_esm": script, "_css": style, **fields})(
+        blob=alive_blob(drawing_of(modes, *diagrams))
+    )
 
 
 def selected(thing: Any, asked: str = "a widget") -> tuple[ModalModel, tuple[StabilizationDiagram, ...]]:

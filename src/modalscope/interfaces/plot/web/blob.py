@@ -22,6 +22,9 @@ _ALIGN = 8
 #: Fields of what pictures are made of that are arrays.
 _POINTS = ("x", "y", "tones", "corners", "strength")
 
+#: What a panel has beside its axes and items.
+_OF_PANELS = ("title", "aside", "share", "equal", "bare", "grid", "labelled")
+
 #: Kind of an array -> its type in the blob; browsers have typed arrays for these.
 _TYPES = {"f": "<f4", "i": "<i4", "u": "|u1", "b": "|u1"}
 
@@ -53,6 +56,11 @@ def pack(
     return len(text).to_bytes(4, "little") + text + b"".join(parts)
 
 
+def parts_of(**arrays: Array) -> dict[str, Array]:
+    """Return the parts of complex arrays under the names `name_real` and `name_imag`: a browser has no complex numbers."""
+    return {f"{name}_{part}": getattr(values, part) for name, values in arrays.items() for part in ("real", "imag")}
+
+
 def picture_blob(picture: Picture) -> bytes:
     """Return a described picture as a blob that the page's canvas paints: words in its head, points in its arrays."""
     arrays: dict[str, Array] = {}
@@ -67,28 +75,14 @@ def picture_blob(picture: Picture) -> bytes:
         return {**fields, **points, "kind": type(item).__name__}
 
     def axis_of(axis: Axis) -> dict[str, Any]:
-        ticks = [[float(at), words] for at, words in axis.ticks()]
-        return {
-            "label": axis.label,
-            "low": axis.low,
-            "high": axis.high,
-            "log": axis.log,
-            "ticks": ticks,
-            "upright": axis.upright,
-        }
+        fields = {name: getattr(axis, name) for name in ("label", "low", "high", "log", "upright")}
+        return {**fields, "ticks": [[float(at), words] for at, words in axis.ticks()]}
 
     def panel_of(panel: Panel) -> dict[str, Any]:
-        plainly = {
-            name: getattr(panel, name) for name in ("title", "aside", "share", "equal", "bare", "grid", "labelled")
-        }
+        fields = {name: getattr(panel, name) for name in _OF_PANELS}
         behind = panel.behind and {"axis": axis_of(panel.behind[0]), "items": list(map(item_of, panel.behind[1]))}
-        sides = {
-            "x": axis_of(panel.x),
-            "y": axis_of(panel.y),
-            "behind": behind,
-            "marked": list(map(list, panel.marked)),
-        }
-        return {**plainly, **sides, "items": list(map(item_of, panel.items)), "named": panel.x.named is not None}
+        sides = {"x": axis_of(panel.x), "y": axis_of(panel.y), "behind": behind, "named": panel.x.named is not None}
+        return {**fields, **sides, "items": list(map(item_of, panel.items)), "marked": list(map(list, panel.marked))}
 
     key = [item_of(item) for item in picture.key()]
     head = {"words": picture.words, "panels": list(map(panel_of, picture.panels)), "key": key, "size": picture.size}

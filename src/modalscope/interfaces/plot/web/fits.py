@@ -13,8 +13,8 @@ from modalscope.data.response import Response
 from modalscope.data.results import Result
 from modalscope.interfaces.plot.picture import unit_of
 from modalscope.interfaces.plot.responses import coherence_of
-from modalscope.interfaces.plot.web.blob import pack
-from modalscope.numerics.checks import Array
+from modalscope.interfaces.plot.web.blob import pack, parts_of
+from modalscope.numerics.checks import Array, RealArray
 
 #: Maximum points of a drawn response: more than a screen has.
 _MAX_POINTS = 200_000
@@ -46,16 +46,13 @@ def lines_of(modes: ModalModel, diagrams: Sequence[StabilizationDiagram]) -> Lin
     return Lines(*(np.concatenate(side) for side in zip(*parts, strict=True)))
 
 
-def rebuilt_lines(
-    modes: ModalModel, diagram: StabilizationDiagram, bands: int, *, falling: bool = True
-) -> tuple[Array, Array, Array]:
+def rebuilt_lines(modes: ModalModel, diagram: StabilizationDiagram, bands: int, *, falling: bool = True) -> Lines:
     """Return lines (F,), measured and rebuilt values (F, l, m) of one of several bands, rebuilt from the modes of all.
 
     `falling`: as in `lines_of_response`.
     """
-    chosen = of_band(modes, diagram, bands)
-    f, measured, fitted = cut_to_band(lines_of_response(chosen, diagram.response, falling=falling), diagram, bands)
-    return f, measured, fitted
+    lines = lines_of_response(of_band(modes, diagram, bands), diagram.response, falling=falling)
+    return Lines(*cut_to_band(lines, diagram, bands))
 
 
 def lines_of_response(modes: ModalModel, response: Response, *, falling: bool = True) -> Lines:
@@ -69,20 +66,23 @@ def lines_of_response(modes: ModalModel, response: Response, *, falling: bool = 
     if not isinstance(response, ImpulseResponse):
         f, measured = response.spectrum()
         return Lines(np.asarray(f), measured, fitted)
-    sides = (_transformed(response, side, falling) for side in (response.values, fitted))
-    return Lines(_grid(response), *sides)
+    f, measured = transformed(response, response.values, falling=falling)
+    return Lines(f, measured, transformed(response, fitted, falling=falling)[1])
 
 
-def _grid(response: ImpulseResponse) -> Array:
-    return np.asarray(np.fft.rfftfreq(8 * response.samples, 1 / response.sampling_rate), dtype=float)
+def transformed(
+    response: ImpulseResponse, values: Array, length: int = 0, *, falling: bool = True
+) -> tuple[RealArray, Array]:
+    """Return lines (F,) and the transform (F, ...) of samples (N, ...) of a response, zero-padded to `length`, eightfold by default.
 
-
-def _transformed(response: ImpulseResponse, values: Array, falling: bool) -> Array:
-    """Return the transform of samples (N, ...) on `_grid`, as `ImpulseResponse.spectrum` is; `falling`: see `lines_of_response`."""
-    count = response.samples
+    `falling`: see `lines_of_response`.
+    """
+    count, rate = response.samples, response.sampling_rate
+    length = length or 8 * count
     fall = 0.5 + 0.5 * np.cos(np.pi * np.arange(count) / count) if falling and response.ambient else np.ones(count)
     windowed = values * fall.reshape(-1, *[1] * (values.ndim - 1))
-    return np.asarray(np.fft.rfft(windowed, n=8 * count, axis=0) / response.sampling_rate)
+    lines = np.asarray(np.fft.rfftfreq(length, 1 / rate), dtype=float)
+    return lines, np.asarray(np.fft.rfft(windowed, n=length, axis=0) / rate)
 
 
 def fit_of(modes: ModalModel, response: Response) -> Fit:
@@ -130,23 +130,15 @@ def channel_blob(
         chosen = of_band(modes, diagram, len(diagrams))
         curves = _channel_lines(response, chosen, pair)
         parts.append(cut_to_band(curves, diagram, len(diagrams)))
-    f, *sides = (_apart(side) for side in zip(*parts, strict=True))
-    every = max(1, -(-len(f) // _MAX_POINTS))
+    joined = [_apart(side) for side in zip(*parts, strict=True)]
+    every = max(1, -(-len(joined[0]) // _MAX_POINTS))
+    f, measured, fitted, coherence = (side[::every] for side in joined)
     first = diagrams[0].response
-    head = {
-        "output": "" if output is None else first.output_dofs[output],
-        "input": "" if column is None else list(first.columns)[column],
-        "all": output is None,
-        "unit": unit_of(first.picture(), output, column).strip(" []"),
-    }
-    arrays = {
-        f"{name}_{part}": getattr(side[::every], part)
-        for name, side in zip(("measured", "rebuilt"), sides, strict=False)
-        for part in ("real", "imag")
-    }
-    if np.isfinite(sides[2]).any():
-        arrays["coherence"] = sides[2][::every]
-    return pack(head, {"lines": f[::every], **arrays}, exact=("lines",))
+    names = (first.output_dofs[pair[0]], list(first.columns)[pair[1]]) if pair else ("", "")
+    unit = unit_of(first.picture(), output, column).strip(" []")
+    arrays = {"lines": f, **parts_of(measured=measured, rebuilt=fitted)}
+    arrays |= {"coherence": coherence} if np.isfinite(coherence).any() else {}
+    return pack({"output": names[0], "input": names[1], "all": not pair, "unit": unit}, arrays, exact=("lines",))
 
 
 def _apart(bands: Sequence[Array]) -> Array:
@@ -168,7 +160,8 @@ def _channel_lines(response: Response, modes: ModalModel, pair: tuple[int, int] 
     fitted = rebuilt(shown, modes) if complete else np.full_like(shown.values, np.nan)
     sides = [side[:, pair[0], pair[1]] if pair else side for side in (shown.values, fitted)]
     if isinstance(shown, ImpulseResponse):
-        f, sides = _grid(shown), [_transformed(shown, side, True) for side in sides]
+        (f, first), (_, second) = (transformed(shown, side) for side in sides)
+        sides = [first, second]
     else:
         f = np.asarray(shown.spectrum()[0])
     drawn = [side if pair else np.abs(side).sum(axis=(1, 2)) + 0j for side in sides]

@@ -14,20 +14,15 @@ from modalscope.data.indicators import mac
 from modalscope.data.mode_fields import interval_ends
 from modalscope.data.response import Response
 from modalscope.interfaces.plot._camera import extent
-from modalscope.interfaces.plot.shapes import has_channels, turned, with_lines
-from modalscope.interfaces.plot.web.blob import pack
+from modalscope.interfaces.plot.shapes import has_channels, measured_nodes, turned, with_lines
+from modalscope.interfaces.plot.web.blob import pack, parts_of
 from modalscope.io.geometry import points_table
 from modalscope.numerics.checks import Array, ComplexArray
 from modalscope.selection.judging.description import HEADS, ModeDescription, described
 
 #: What is known of frequencies and damping, whatever the points are over which the shapes are drawn.
-_DEVIATIONS = (
-    "frequencies_std",
-    "damping_ratios_std",
-    "frequencies_repeatability",
-    "damping_ratios_repeatability",
-    "degrees",
-)
+_KEPT = ("poles", "geometry", "scaling", "frequencies_std", "damping_ratios_std", "degrees")
+_REPEATED = ("frequencies_repeatability", "damping_ratios_repeatability")
 
 #: Maximum number of nodes that are edited as a table.
 _MAX_EDITED = 500
@@ -57,21 +52,11 @@ def over_points(modes: ModalModel, response: Response | None) -> ModalModel:
     inputs = modes.input_dofs
     if modes.geometry is not None and not has_channels(modes.geometry, (*modes.output_dofs, *inputs)):
         modes = replace(modes, geometry=None)
-    if (
-        response is None
-        or not response.reciprocal
-        or modes.participation is None
-        or len(inputs) <= len(modes.output_dofs)
-    ):
+    fewer = len(inputs) <= len(modes.output_dofs)
+    if fewer or response is None or not response.reciprocal or modes.participation is None:
         return modes
-    return ModalModel(
-        poles=modes.poles,
-        shapes=modes.participation.T,
-        output_dofs=inputs,
-        geometry=modes.geometry,
-        scaling=modes.scaling,
-        **{name: getattr(modes, name) for name in _DEVIATIONS},
-    )
+    kept = {name: getattr(modes, name) for name in (*_KEPT, *_REPEATED)}
+    return ModalModel(shapes=modes.participation.T, output_dofs=inputs, **kept)
 
 
 def modes_parts(
@@ -93,20 +78,17 @@ def modes_parts(
         "over": "outputs" if points is modes else "inputs",
     }
     shapes = turned(points.shapes)
-    arrays = {
-        "shape_real": shapes.T.real,
-        "shape_imag": shapes.T.imag,
-        "mac": mac(points.shapes) if len(modes) else np.zeros((0, 0)),
-    }
+    alike = mac(points.shapes) if len(modes) else np.zeros((0, 0))
+    arrays = {**parts_of(shape=shapes.T), "mac": alike}
     if points.shapes_std is not None:
         size = np.linalg.norm(shapes, axis=0) / np.maximum(np.linalg.norm(points.shapes, axis=0), 1e-300)
         arrays["shape_std"] = np.nan_to_num(points.shapes_std * size).T
     if points.geometry is not None and len(points.geometry.nodes) <= _MAX_EDITED:
         entries["table"] = points_table(points.geometry)
-    drawn = _moved(points.geometry, points.output_dofs, shapes)
-    if drawn is None:
+    if not has_channels(points.geometry, points.output_dofs):
         return {**entries, "nodes": None}, arrays
-    return {**entries, "nodes": list(drawn[0])}, arrays | drawn[1]
+    moved = _moved(points.geometry, points.output_dofs, shapes)
+    return {**entries, "nodes": list(points.geometry.nodes)}, arrays | moved
 
 
 def _rows(modes: ModalModel, names: Mapping[str, str], shown: Sequence[ModeDescription]) -> list[dict[str, Any]]:
@@ -130,31 +112,23 @@ def _rows(modes: ModalModel, names: Mapping[str, str], shown: Sequence[ModeDescr
     return rows
 
 
-def _moved(
-    geometry: Geometry | None, labels: tuple[str, ...], shapes: ComplexArray
-) -> tuple[tuple[str, ...], dict[str, Array]] | None:
-    """Return nodes and motion, scaled to a structure of size 1 and a largest motion of 1; None if the geometry has no channel."""
-    if not has_channels(geometry, labels):
-        return None
+def _moved(geometry: Geometry, labels: tuple[str, ...], shapes: ComplexArray) -> dict[str, Array]:
+    """Return nodes at rest and their motion, scaled to a structure of size 1 and a largest motion of 1."""
     size = extent(geometry.coordinates) or 1.0
     middle = (geometry.coordinates.max(axis=0) + geometry.coordinates.min(axis=0)) / 2
     motion = np.array([geometry.displaced(labels, phi) for phi in shapes.T]).reshape(-1, len(geometry.nodes), 3)
     largest = np.max(np.linalg.norm(motion, axis=2), axis=1, initial=0.0)
     motion = motion / np.where(largest > 0, largest, 1.0)[:, None, None]
     signed = np.array([_signed(u) for u in motion]).reshape(len(motion), len(geometry.nodes))
-    moved = {node for label in labels for node, _ in geometry.motion_of(label)}
     faces = geometry.faces
     if faces.shape[1] == 4:
         faces = np.concatenate([faces[:, [0, 1, 2]], faces[:, [0, 2, 3]]])
-    return geometry.nodes, {
+    return {
         "rest": (geometry.coordinates - middle) / size,
         "lines": with_lines(geometry).lines,
         "faces": faces,
-        "measured": np.array([node in moved for node in geometry.nodes]),
-        "moved_real": motion.real,
-        "moved_imag": motion.imag,
-        "signed_real": signed.real,
-        "signed_imag": signed.imag,
+        "measured": measured_nodes(geometry, labels),
+        **parts_of(moved=motion, signed=signed),
     }
 
 

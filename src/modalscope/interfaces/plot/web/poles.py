@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from modalscope.data import DataError, FrequencyResponse, ImpulseResponse, StabilizationDiagram
+from modalscope.data import DataError, FrequencyResponse, ImpulseResponse, Signals, StabilizationDiagram
 from modalscope.data.indicators import cmif, mmif
 from modalscope.data.rebuilt import asked_ends, band_of
 from modalscope.data.response import Response
@@ -18,7 +18,7 @@ from modalscope.identification.stabilize import stable_against
 from modalscope.identification.sweep import Cut, Sweep
 from modalscope.interfaces.plot.picture import unit_of
 from modalscope.interfaces.plot.web.blob import pack
-from modalscope.interfaces.plot.web.fits import cut_to_band
+from modalscope.interfaces.plot.web.fits import cut_to_band, transformed
 from modalscope.io.arrays import plain
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.functions.poles import frequencies_and_damping
@@ -65,11 +65,7 @@ def indicator_curves(response: Response, kind: str = "cmif") -> tuple[RealArray,
         lines, values = response.frequencies, response.values
     else:
         assert isinstance(response, ImpulseResponse)
-        samples = response.samples
-        length = max(samples, 2 * _MIN_LINES)
-        fall = 0.5 + 0.5 * np.cos(np.pi * np.arange(samples) / samples) if response.ambient else np.ones(samples)
-        lines = np.asarray(np.fft.rfftfreq(length, 1 / response.sampling_rate), dtype=float)
-        values = np.fft.rfft(response.values * fall[:, None, None], length, axis=0) / response.sampling_rate
+        lines, values = transformed(response, response.values, max(response.samples, 2 * _MIN_LINES))
     curves = cmif(values) if kind == "cmif" else np.abs(values).sum(axis=(1, 2))[:, None]
     return lines, curves
 
@@ -79,23 +75,24 @@ def curves_of(data: Any, kind: str = "cmif", spectra: Decomposition | None = Non
 
     `kind`: of responses, as in `indicator_curves`, or "mmif". `spectra`: those of `spectra_of`, if they are known.
     """
-    runs = getattr(data, "recordings", ())
-    if runs:
-        longest = max(runs, key=lambda run: run.samples)
-        if longest.inputs is None:
-            spectra = decomposition(longest) if spectra is None else spectra
-            return spectra.frequencies, np.sqrt(spectra.singular_values)
-        data = estimate_frf(longest)
+    spectra = spectra_of(data) if spectra is None else spectra
+    if spectra is not None:
+        return spectra.frequencies, np.sqrt(spectra.singular_values)
+    longest = longest_of(data)
+    data = data if longest is None else estimate_frf(longest)
     picture = data.picture()
     return (picture.frequencies, mmif(picture)[0]) if kind == "mmif" else indicator_curves(picture, kind)
 
 
 def spectra_of(data: Any) -> Decomposition | None:
     """Return the singular values of the spectra of an ambient record, of runs the longest; None of other data."""
-    runs = getattr(data, "recordings", ())
-    if not runs or runs[0].inputs is not None:
-        return None
-    return decomposition(max(runs, key=lambda run: run.samples))
+    longest = longest_of(data)
+    return None if longest is None or longest.inputs is not None else decomposition(longest)
+
+
+def longest_of(data: Any) -> Signals | None:
+    """Return the longest recording of a test; None of responses."""
+    return max(getattr(data, "recordings", ()), key=lambda run: run.samples, default=None)
 
 
 def overview_blob(data: Any, spectra: Decomposition | None = None) -> bytes:

@@ -150,18 +150,14 @@ class _Sheet:
             look = f' stroke="{_ink(stroke)}" stroke-width="{round(10 * width)}"' if stroke else ""
             self.parts.append(f'<path fill="{_ink(fill) if fill else "none"}"{look}{more} d="{d}"/>')
 
-    def text(self, words: str, x: float, y: float, ink: str = "muted", anchor: str = "middle", more: str = "") -> None:
-        """Write text at pixels."""
-        place = "" if anchor == "middle" else f' text-anchor="{anchor}"'
-        self.parts.append(
-            f'<text fill="{_ink(ink)}" x="{_whole(x)}" y="{_whole(y)}"{place}{more}>{_plain(words)}</text>'
-        )
-
-    def turned(
-        self, words: str, x: float, y: float, ink: str = "muted", anchor: str = "middle", angle: int = -90
+    def text(
+        self, words: str, x: float, y: float, ink: str = "muted", anchor: str = "middle", more: str = "", angle: int = 0
     ) -> None:
-        """Write text upwards."""
-        self.text(words, x, y, ink, anchor, f' transform="rotate({angle} {_whole(x)} {_whole(y)})"')
+        """Write text at pixels; `angle`: -90 upwards."""
+        place = "" if anchor == "middle" else f' text-anchor="{anchor}"'
+        more += f' transform="rotate({angle} {_whole(x)} {_whole(y)})"' if angle else ""
+        look = f'fill="{_ink(ink)}" x="{_whole(x)}" y="{_whole(y)}"{place}{more}'
+        self.parts.append(f"<text {look}>{_plain(words)}</text>")
 
     def draw(self, item: Item, axis: Axis | None = None) -> None:
         """Draw one of the things of which pictures are made; `axis`: a vertical one of its own."""
@@ -243,7 +239,7 @@ class _Sheet:
         anchor = {"left": "start", "middle": "middle", "right": "end"}[item.side]
         for a, b, text in zip(self.across(item.x) / _UNITS, self.upward(item.y) / _UNITS, item.texts, strict=True):
             if item.turned:
-                self.turned(text, a + 4, b, item.ink, "end")
+                self.text(text, a + 4, b, item.ink, "end", angle=-90)
             else:
                 self.text(text, a, b + 4, item.ink, anchor)
 
@@ -253,10 +249,8 @@ class _Sheet:
         wide, high = abs(x.high - x.low) or 1.0, abs(y.high - y.low) or 1.0
         scale = min(self.width / wide, self.height / high)
         if self.panel.bare:
-            self.left, self.top = (
-                self.left + (self.width - scale * wide) / 2,
-                self.top + (self.height - scale * high) / 2,
-            )
+            self.left += (self.width - scale * wide) / 2
+            self.top += (self.height - scale * high) / 2
         self.width, self.height = scale * wide, scale * high
 
     def _axes(self, *, named: bool) -> None:
@@ -266,12 +260,12 @@ class _Sheet:
             self.path(f"M{_whole(self.left)} {y}H{right}" if panel.grid else "", stroke="grid", width=0.8)
             self.text(words, self.left - 5, float(y) / _UNITS + 4, anchor="end")
         if panel.y.label:
-            self.turned(panel.y.label, self.left - _left(panel) + 12, self.top + self.height / 2)
+            self.text(panel.y.label, self.left - _left(panel) + 12, self.top + self.height / 2, angle=-90)
         foot = bottom / _UNITS
         for x, words in ((self.across(value), words) for value, words in panel.x.ticks()):
             self.path(f"M{x} {top}V{bottom}" if panel.grid and panel.x.named is None else "", stroke="grid", width=0.8)
             if named and panel.x.upright:
-                self.turned(words, float(x) / _UNITS + 4, foot + 7, anchor="end")
+                self.text(words, float(x) / _UNITS + 4, foot + 7, anchor="end", angle=-90)
             elif named:
                 self.text(words, float(x) / _UNITS, foot + _LINE)
         if named and panel.x.label:
@@ -283,7 +277,7 @@ class _Sheet:
         right = self.left + self.width
         for value, words in axis.ticks():
             self.text(words, right + 5, float(self.upward(value, axis)) / _UNITS + 4, anchor="start")
-        self.turned(axis.label, right + _right(self.panel) - 10, self.top + self.height / 2, angle=90)
+        self.text(axis.label, right + _right(self.panel) - 10, self.top + self.height / 2, angle=90)
 
     def _marked(self) -> None:
         """Draw a line at every marked place, with its name above the axes, apart from its neighbours."""
@@ -293,7 +287,7 @@ class _Sheet:
             x = self.left + share * self.width
             self.path(f"M{place} {bottom}V{top}", stroke="vermillion", width=1.1, more=' stroke-dasharray="50 32"')
             self.path(f"M{place} {top}L{_whole(x)} {top - 70}", stroke="vermillion", width=0.9)
-            self.turned(name, x + 4, self.top - 10, "vermillion", "start")
+            self.text(name, x + 4, self.top - 10, "vermillion", "start", angle=-90)
 
 
 def _key(picture: Picture, width: float, parts: list[str]) -> int:
