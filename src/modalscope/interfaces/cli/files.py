@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from modalscope.interfaces.cli.parser import Parser, add_files, add_force, add_outputs, add_reading
+from modalscope.interfaces.cli.parser import EXCLUDED, Parser, add_files, add_force, add_outputs, add_reading
 from modalscope.interfaces.cli.process import progress, remark, say
 
 if TYPE_CHECKING:
@@ -22,6 +22,7 @@ def add_info(parser: Parser) -> None:
     whole = "search every pair of many channels for outlying lines, and every output for a wrong quantity"
     parser.add("--whole", whole)
     parser.add("--each", "each file, and each test in it, by itself")
+    parser.add(*EXCLUDED)
 
 
 def info(options: argparse.Namespace) -> None:
@@ -84,6 +85,7 @@ def _say_quality(options: argparse.Namespace, data: Any) -> None:
     if isinstance(measured, Signals):
         measured, start = from_its_start(measured)
         units = (*units, *start)
+    measured = measured.select(exclude=options.exclude) if options.exclude else measured
     with progress("examining"):
         findings = examine(measured, whole=options.whole)
     say(*(f"{'note' if note.kind == 'start' else 'units'}: {note}" for note in units))

@@ -285,6 +285,10 @@ def add_band(parser: Parser, *, several: bool = False) -> None:
     parser.group("band and channels")("--band F1 F2", f"lowest and highest frequency, Hz{more}", type=float, **form)
 
 
+#: Channels that are left out, as every command says it.
+EXCLUDED = "--exclude DOF...", "channels to exclude"
+
+
 def add_choices(parser: Parser, *, bands: bool = False) -> None:
     """Add the band (several if `bands`), the route from records with inputs, their delays and excluded channels."""
     add_band(parser, several=bands)
@@ -295,6 +299,6 @@ def add_choices(parser: Parser, *, bands: bool = False) -> None:
     )
     add("--route ROUTE", route)
     add("--delays DOF=SAMPLES...", "outputs delayed after the forces, such as y3=12, or none; default: detected")
-    add("--exclude DOF...", "channels to exclude")
+    add(*EXCLUDED)
     same = "exchange inputs and outputs by reciprocity, or do not; default: where the inputs outnumber the outputs"
     add("--reciprocal", same, action=argparse.BooleanOptionalAction, default=None)

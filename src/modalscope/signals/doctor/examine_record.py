@@ -39,7 +39,7 @@ def examine_record(signals: Signals, whole: bool) -> list[Finding]:
     kind = _kind_of(signals)
     moving_channels: dict[str, list[int]] = {}
     for side, columns, labels in sides_of(signals):
-        constant = dead_channels(columns, labels)
+        constant = dead_channels(columns, labels, forces=side == "input")
         dead = {f.channels[0] for f in constant}
         moving_channels[side] = [i for i, dof in enumerate(labels) if dof not in dead]
         findings += constant + identical_channels(columns, labels)

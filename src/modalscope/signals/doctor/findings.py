@@ -34,6 +34,7 @@ ROWS = {
         "{count} samples at its largest or smallest value{where}",
         "Measure again with a wider range, or leave these runs or this channel out."),
     "dead": ("it never changes", _EXCLUDE),
+    "dead: force": ("it never changes", "Taken as no force. Check cable and sensor if it was to be one."),
     "noisy: coherence": (
         "{percent:.0f} % of its power is predicted by {source}, {usual:.0f} % is the median of the channels",
         _EXCLUDE),
@@ -247,9 +248,9 @@ def thinned(signals: Signals) -> Signals:
     return Signals(outputs=few if len(few) > 1 else few[0], sampling_rate=signals.sampling_rate)
 
 
-def dead_channels(samples: Array, labels: Sequence[str]) -> list[Finding]:
-    """Find channels (N, c) that are constant, but for the rounding of their values."""
-    return [finding("dead", labels[i]) for i in constant_channels(samples)]
+def dead_channels(samples: Array, labels: Sequence[str], *, forces: bool = False) -> list[Finding]:
+    """Find channels (N, c) that are constant, but for the rounding of their values; `forces`: of a record, analysed without these."""
+    return [finding("dead: force" if forces else "dead", labels[i]) for i in constant_channels(samples)]
 
 
 def identical_channels(samples: Array, labels: Sequence[str]) -> list[Finding]:

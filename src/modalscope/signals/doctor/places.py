@@ -160,7 +160,7 @@ def _doubt(found: Placed) -> str:
     shared = f" (two files have {100 * found.shared:.0f} % of their resonances in common)"
     few = found.kind == "several" and found.shared < _ONE_STRUCTURE
     settled = found.is_sure if found.kind == "several" else found.kind in ("one", "size") and found.shared >= _ONE_SHAPE
-    return f"; if structures of their own{shared * few}: `modalscope identify --each`" if few or not settled else ""
+    return f"; if structures of their own{shared * few}: --each" if few or not settled else ""
 
 
 def against_labels(parts: Sequence[Any]) -> tuple[Note, ...]:
