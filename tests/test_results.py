@@ -96,6 +96,20 @@ def test_lists_of_real_tests_hold_on_every_processor(key, below, above):
     assert said.startswith(key)
 
 
+@pytest.mark.parametrize(
+    ("key", "grade", "by", "told"),
+    [
+        *(("f", "good", by, told) for by, told in ((1 + 1.4e-3, False), (1 + 1.6e-3, True))),
+        *(("zeta", "doubtful", by, told) for by, told in ((1 - 0.029, False), (1 - 0.031, True))),
+        *(("zeta_std", "doubtful", by, told) for by, told in ((1.49, False), (1.51, True))),
+        *(("zeta_std", "good", by, told) for by, told in ((1.01, False), (1.03, True))),
+    ],
+)
+def test_values_that_move_within_their_deviations_are_the_same(key, grade, by, told):
+    held = {"f": [20.0], "zeta": [0.01], "f_std": [0.2], "zeta_std": [0.002], "grades": [grade]}
+    assert bool(list(differences(held, {**held, key: [by * each for each in held[key]]}))) == told
+
+
 def test_shapes_that_turn_or_err_are_told():
     held = {SHAPES: [[1.0, 0.0, 0.0, 0.0], [0.6, 0.0, 0.0, 0.8]]}
 
