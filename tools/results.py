@@ -98,10 +98,8 @@ def _without_rounding(expected: dict[str, Any], found: dict[str, Any]) -> dict[s
         (value, new), (deviation, other) = pairs
         near = np.abs(new - value) < _MAX_MOVED * deviation
         alike = doubtful & near & (np.abs(np.log(other / deviation)) < np.log(_MAX_DOUBTFUL))
-        changed |= {
-            name: np.where(near, value, new).tolist(),
-            f"{name}_std": np.where(alike, deviation, other).tolist(),
-        }
+        for key, same in ((name, near), (f"{name}_std", alike)):
+            changed[key] = [a if is_same else b for a, b, is_same in zip(expected[key], found[key], same, strict=True)]
     return changed
 
 
