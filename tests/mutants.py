@@ -98,7 +98,7 @@ def misfits(mutants: Sequence[Mutant], root: Path = ROOT) -> list[str]:
     names = [m.name for m in mutants]
     wrong = [f"{name}: named twice" for name in sorted({n for n in names if names.count(n) > 1})]
     for mutant in mutants:
-        wrong += [f"{mutant.name}: there is no {t}" for t in mutant.tests if not (root / t.split("::")[0]).is_file()]
+        wrong += [f"{mutant.name}: there is no {t}" for t in mutant.tests if not _is_there(root, t)]
         if not mutant.tests:
             wrong.append(f"{mutant.name}: no test is named")
         try:
@@ -106,6 +106,13 @@ def misfits(mutants: Sequence[Mutant], root: Path = ROOT) -> list[str]:
         except (OSError, ValueError) as error:
             wrong.append(str(error))
     return wrong
+
+
+def _is_there(root: Path, test: str) -> bool:
+    """Whether a file of tests, and the test in it that is named, are there."""
+    file, _, name = test.partition("::")
+    path, function = root / file, name.rpartition("::")[2].partition("[")[0]
+    return path.is_file() and (not function or f"def {function}(" in path.read_text(encoding="utf-8"))
 
 
 def copy_to(folder: Path, root: Path = ROOT) -> Path:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,13 @@ FAULT = Mutant("a fault", "rule.py", "a < b", "a <= b", ("tests/test_rule.py",))
 def test_every_text_of_the_list_stands_in_the_library_exactly_once_and_every_test_is_there() -> None:
     assert misfits(load()) == []
     assert len(load()) >= 40
+
+
+def test_a_test_that_is_not_there_is_told() -> None:
+    known = load()[0]
+    file = known.tests[0].partition("::")[0]
+    (said,) = misfits([replace(known, tests=(f"{file}::test_that_nobody_wrote",))])
+    assert said.endswith("there is no " + f"{file}::test_that_nobody_wrote")
 
 
 def test_the_fault_takes_the_place_of_its_text() -> None:
