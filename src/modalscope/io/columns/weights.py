@@ -250,10 +250,10 @@ def counts_rows(values: Array) -> bool:
 
 def _counts(values: Array) -> bool:
     """Whether values count rows, also such that begin anew or skip, as frames do."""
-    if counts_rows(values) or not np.array_equal(values, np.rint(values)):
-        return counts_rows(values)
+    whole = np.array_equal(values, np.rint(values))
     with np.errstate(all="ignore"):
-        return len(values) >= _MIN_ROWS and bool(np.mean(np.diff(values.astype(float)) == 1) > 0.9)
+        skips = whole and len(values) >= _MIN_ROWS and np.mean(np.diff(values.astype(float)) == 1) > 0.9
+    return counts_rows(values) or bool(skips)
 
 
 def even_step(values: Array) -> float:

@@ -178,7 +178,7 @@ def pruned(fitted: Fitted, least: RealArray) -> Array:
 MAX_EXCESS_RATIO = 0.7
 
 #: Or what is left must fall to this part: a strong mode was missing, and what hid behind it shows only now.
-MAX_MISFIT_RATIO = 0.1
+_MAX_MISFIT_RATIO = 0.1
 
 #: Distance, in half bandwidths, of each of two poles that replace one in a trial. Where the descent starts is a choice: it moves both.
 _SPLIT_HALF_BANDWIDTHS = 0.5
@@ -275,7 +275,7 @@ def _completed(state: State, excess: float | None) -> State | None:
         before, state = state, converged(state.selection, state.variance, *candidates)
         examined = np.concatenate([examined, peaks, state.poles])
         if excess is not None:
-            remainder, lower = _excess(state), state.descent.cost < MAX_MISFIT_RATIO * before.descent.cost
+            remainder, lower = _excess(state), state.descent.cost < _MAX_MISFIT_RATIO * before.descent.cost
             if remainder > max(1.0, MAX_EXCESS_RATIO * excess) and not lower:
                 return None
             excess = remainder if remainder > 1 else None

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from modalscope.data.response import line_step
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.functions.poles import frequencies_and_damping
 from modalscope.selection.likelihood.likelihood import WhitenedResponse
@@ -63,9 +64,8 @@ class SelectionProblem:
         """
         low, high = self.band
         f, zeta = frequencies_and_damping(poles)
-        grid = self.problem.light.grid
-        first, last = (0.0, 0.0) if grid is None else MIN_DISTANCE_LINES * np.gradient(grid)[[0, -1]]
-        near = (f > low - max(_MAX_OUTSIDE * low, first)) & (f < high + max(_MAX_OUTSIDE * high, last))
+        lines = MIN_DISTANCE_LINES * line_step(self.problem.light)
+        near = (f > low - max(_MAX_OUTSIDE * low, lines)) & (f < high + max(_MAX_OUTSIDE * high, lines))
         possible = near & (zeta < _MAX_DAMPING)
         if self.coloured:
             possible &= 2 * self.half_bandwidths_in_lines(poles) > _MIN_BANDWIDTH

@@ -463,7 +463,8 @@ def contest(diagram: StabilizationDiagram, poles: Poles, others: Sequence[Poles]
     """Select the poles that the data need from the groups of a diagram, refined jointly.
 
     A coloured residual of the reference model may be a missing mode: the completed joint fit decides. Out-of-band poles take part where
-    that residual is much whiter beside them, as each round of completion has to make it; never in coloured errors, which they follow.
+    that residual is much whiter beside them, as each round of completion has to make it; never in coloured errors, which they follow. If
+    the fit does not become white under the noise of the reference model, it is tried under that of the quieter lines, see `Floor.quiet`.
 
     `poles`: not merged: of two poles within one bandwidth each is a candidate. `others`: of further diagrams of the same data, whose groups
     are candidates, too, where they are none of these.
