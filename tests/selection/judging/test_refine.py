@@ -133,6 +133,15 @@ def test_outputs_and_inputs_may_change_places():
     assert np.allclose(here.residues.transpose(0, 2, 1), there.residues, rtol=1e-6)
 
 
+def test_significance_is_told_once_that_of_the_values_that_are_reported() -> None:
+    """The choice rests on the noise that all poles of a diagram leave, in levels to powers of two."""
+    data = add_noise(lines(model(4, 2)), 40)
+    modes = ms.analyze(data).modes
+    for why, gain in zip(modes.reasons, modes.gain, strict=True):
+        assert why["gain"] == gain
+        assert why["text"].startswith(f"significance {float(f'{gain:.3g}'):.10g}; noise alone reaches")
+
+
 # -------------------------------------------------------------------------------------------------------- with noise
 
 

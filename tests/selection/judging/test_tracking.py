@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -99,6 +101,20 @@ def test_what_inputs_drive_alike_is_two_modes_where_the_data_tell_them_apart(
     pair = poles_of(Pole(2, s=-1 + 100j), Pole(2, s=-1 + 100.5j, shape=shape))
     each = np.nan if np.isinf(apart) else 0.5 / apart
     assert merge_splits(pair, np.array([0.25 * each, 0.75 * each])).pole.size == left
+
+
+def test_in_levels_of_channels_their_units_count_for_nothing() -> None:
+    """One in units of each channel is merged as the other, to the same values; without levels the first output would be all there is."""
+    outputs, inputs = np.array([1e9, 1e-3]), np.array([1e-4, 1.0, 1e6])
+    made = [Pole(2, s=-1 + 100j, shape=(1, 0.4), part=(1, 2, 3)), Pole(2, s=-2 + 101j, shape=(1, 0.6), part=(1, 2, 1))]
+    pair, one = poles_of(*made), merge_splits(poles_of(*made))
+    told = replace(pair, shape=pair.shape * outputs, participation=pair.participation * inputs)
+    other = merge_splits(told, levels=(outputs, inputs))
+    assert (one.pole.size, other.pole.size) == (1, 1)
+    assert np.allclose(other.pole, one.pole, rtol=1e-14)
+    assert np.allclose(other.own, one.own, rtol=1e-12)
+    residue = np.outer(one.shape[0] * outputs, one.participation[0] * inputs)
+    assert np.allclose(np.outer(other.shape[0], other.participation[0]), residue, rtol=1e-12)
 
 
 def test_repeated_modes_stay_apart() -> None:

@@ -8,10 +8,12 @@ from typing import Any
 import numpy as np
 
 from modalscope.data.indicators import cmif, prominence
+from modalscope.data.modes import ModalModel
 from modalscope.data.rebuilt import of_diagram, peak_sizes
 from modalscope.data.response import Response, output_scale
 from modalscope.data.results import StabilizationDiagram
 from modalscope.data.shown import figures, percent
+from modalscope.data.whitening import levels_of_channels
 from modalscope.identification.orders import usable_orders
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.functions.poles import frequencies_and_damping, poles_from
@@ -229,6 +231,19 @@ def sentence(facts: dict[str, Any], loss: float) -> str:
     return f"{'; '.join(reasons)}; without it the unexplained part {change} by {percent(abs(loss), 2)}"
 
 
+def retold(modes: ModalModel) -> ModalModel:
+    """Return refined modes whose reasons tell the significance of the values that are reported, as `ModalModel.significance` does.
+
+    That of the choice rests on the noise that all poles of a diagram leave, and on values of few iterations.
+    """
+    reasons, gain = list(modes.reasons), np.full(len(modes), np.nan) if modes.gain is None else modes.gain
+    for j, why in enumerate(modes.reasons):
+        if "gain" in why and np.isfinite(gain[j]):
+            told = {**why, "gain": float(gain[j])}
+            reasons[j] = {**told, "text": sentence(told, why["fit_loss"])}
+    return replace(modes, reasons=tuple(reasons))
+
+
 def _orders_of(facts: dict[str, Any]) -> str:
     if not facts["orders_found"]:
         return "found in the residual of the other modes, not in the diagram; values are refined"
@@ -243,7 +258,7 @@ def _orders_of(facts: dict[str, Any]) -> str:
 def counted(diagram: StabilizationDiagram, poles: Poles, evidence: Evidence) -> tuple[Poles, list[Candidate]]:
     """Return the groups of poles that agree over orders, splits merged, with what speaks for each and what against."""
     (orders, fit), known = usable_orders(diagram), _known(diagram)
-    every = merge_splits(poles, known)
+    every = merge_splits(poles, known, levels_of_channels(diagram.response.values))
     poles = replace(every, orders=orders).take(np.flatnonzero(every.order <= orders[-1]))
     groups = [group for group in (consensus(poles, t) for t in tracks(poles)) if group.size >= min(3, len(orders))]
     peak = peaks(diagram, poles, evidence)

@@ -168,12 +168,9 @@ def _middle(poles: Poles, c: Candidate) -> ComplexArray:
 
 def _spread(poles: Poles, c: Candidate) -> dict[str, float]:
     """Return the scatter over orders; one order has none, and no orders have none that is known."""
-    f, zeta = poles.frequency[c.members], poles.damping[c.members]
-    known = c.own is None
-    return {
-        "frequency_spread_hz": scatter(f) if known else np.nan,
-        "damping_ratio_spread": scatter(zeta) if known else np.nan,
-    }
+    both = poles.frequency[c.members], poles.damping[c.members]
+    of_f, of_damping = map(scatter, both) if c.own is None else (np.nan, np.nan)
+    return {"frequency_spread_hz": of_f, "damping_ratio_spread": of_damping}
 
 
 def _deviations(diagram: StabilizationDiagram, chosen: list[Candidate], poles: Poles) -> dict[str, Any]:
@@ -184,14 +181,8 @@ def _deviations(diagram: StabilizationDiagram, chosen: list[Candidate], poles: P
     of_members = diagram.deviations_at(np.concatenate([*members, np.zeros(0, dtype=int)]))
     for name, of_own, values in zip(DEVIATIONS, ("frequency_std", "damping_std"), of_members, strict=True):
         if values is not None:
-            found[name] = np.array(
-                [
-                    typical_deviation(own) if c.own is None else getattr(c.own, of_own)
-                    for c, own in zip(chosen, np.split(values, ends), strict=True)
-                ]
-                if chosen
-                else []
-            )
+            each = zip(chosen, np.split(values, ends), strict=False)  # of no modes one empty part is left
+            found[name] = np.array([typical_deviation(v) if c.own is None else getattr(c.own, of_own) for c, v in each])
     return found
 
 

@@ -23,6 +23,7 @@ from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, ComplexArray, check_kind
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.resources import one_thread
+from modalscope.selection.judging.evidence import retold
 from modalscope.selection.likelihood.descent import Astray
 from modalscope.selection.likelihood.information import residual
 from modalscope.selection.likelihood.refined import refined
@@ -222,7 +223,7 @@ class Refinement:
 
     def modes(self) -> ModalModel:
         """Return the modes with their standard deviations; added ones that the data do not determine are none."""
-        found = refined(self.task, self.start, self.settled, self.groups, self.lost, self.notes)
+        found = retold(refined(self.task, self.start, self.settled, self.groups, self.lost, self.notes))
         if not self.added or found.degrees is None:
             return found
         last = np.arange(len(found)) >= len(found) - self.added
@@ -374,5 +375,5 @@ def in_place(response: Response, modes: ModalModel, fixed: Array, groups: Any = 
     added = response.added_damping
     task = task_of(response, np.asarray(fixed, dtype=np.complex128) - added, None, None)
     settled = settle(task, modes.poles - added, modes.shapes, _participation(task, modes), most=0)
-    found = refined(task, modes, settled, check_groups(groups, *response.parts, response.groups), [], [])
+    found = retold(refined(task, modes, settled, check_groups(groups, *response.parts, response.groups), [], []))
     return found.take(np.argsort(np.argsort(np.abs(settled.descent.point.poles + added), kind="stable"), kind="stable"))

@@ -199,20 +199,14 @@ def _of_channels(modes: ModalModel, diagram: StabilizationDiagram) -> ModalModel
 
 def _check_one_way(wanted: list[float] | None, changes: list[float], reference: ModalModel | None) -> None:
     """Refuse two ways at once of saying which modes are reported."""
-    if wanted is not None and changes:
+    if reference is not None:
+        check_kind("reference", reference, ModalModel)
+    ways = {"the reference": reference is not None, "frequencies": wanted is not None, "take or refuse": bool(changes)}
+    whole, *others = [name for name, there in ways.items() if there] or [""]
+    if others:
+        either = f"{whole}, or {' and '.join(others)}"
         raise DataError(
-            "select(frequencies=...) with take or refuse was asked",
-            "frequencies already states the whole list",
-            "Give frequencies, or take and refuse.",
-        )
-    if reference is None:
-        return
-    check_kind("reference", reference, ModalModel)
-    if wanted is not None or changes:
-        raise DataError(
-            "select(reference=...) with frequencies, take or refuse was asked",
-            "the reference already states the whole list",
-            "Give the reference, or frequencies.",
+            f"select has {' and '.join([whole, *others])}", f"{whole} already states the whole list", f"Give {either}."
         )
 
 

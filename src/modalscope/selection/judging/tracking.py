@@ -106,7 +106,9 @@ class Poles:
         )
 
 
-def merge_splits(poles: Poles, deviation: RealArray | None = None) -> Poles:
+def merge_splits(
+    poles: Poles, deviation: RealArray | None = None, levels: tuple[RealArray, RealArray] | None = None
+) -> Poles:
     """Merge, within every order, neighbours that act as one mode; their value is the energy-weighted mean.
 
     Of two that differ in width more than parts of one resonance do, it is that of the one with more energy.
@@ -119,10 +121,14 @@ def merge_splits(poles: Poles, deviation: RealArray | None = None) -> Poles:
     Few inputs drive two modes alike by chance: two of them one pair in four. Where all outputs were measured at once, poles of
     unlike shapes that lie further apart than their deviations are two modes all the same.
 
-    `deviation`: rad/s: how well the data tell every pole of the diagram, by its index; NaN where that is not known.
+    `deviation`: rad/s: how well the data tell every pole of the diagram, by its index; NaN where that is not known. `levels`: of outputs
+    (l,) and of inputs (m,), in which shapes and participation are compared, or units of channels would count; ones by default.
     """
+    outputs, inputs = (1.0, 1.0) if levels is None else levels
+    poles = replace(poles, shape=poles.shape / outputs, participation=poles.participation / inputs)
     kept = [_merged(poles.take(np.flatnonzero(poles.order == order)), deviation) for order in poles.orders]
-    return Poles(poles.orders, *(np.concatenate([getattr(k, name) for k in kept]) for name in _FIELDS_PER_POLE))
+    merged = Poles(poles.orders, *(np.concatenate([getattr(k, name) for k in kept]) for name in _FIELDS_PER_POLE))
+    return replace(merged, shape=merged.shape * outputs, participation=merged.participation * inputs)
 
 
 def _merged(poles: Poles, deviation: RealArray | None) -> Poles:

@@ -19,6 +19,7 @@ from modalscope.data.rebuilt import contributions
 from modalscope.data.response import Response
 from modalscope.data.results import StabilizationDiagram
 from modalscope.data.shown import figures, percent
+from modalscope.data.whitening import levels_of_channels
 from modalscope.identification.orders import usable_orders
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.numerics.functions.poles import frequencies_and_damping, overlap, poles_from
@@ -521,7 +522,7 @@ def likely(
     groups = _groups(poles)
     if held.selection.coloured:
         # resonances that shift come out as several poles, and merged ones stand for them
-        merged = merge_splits(poles)
+        merged = merge_splits(poles, levels=levels_of_channels(diagram.response.values))
         groups = [*_groups(merged), *(group + merged.pole.size for group in groups)]
         poles = merged.beside(poles)
     candidates = verdicts(SelectionResult(diagram, poles, evidence, held, known is not None), groups)
