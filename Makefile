@@ -117,8 +117,9 @@ test: style
 	$(PYTEST) $(TESTS) $(if $(COVERAGE),--cov --cov-report=term:skip-covered); tests=$$?; \
 	wait $$types; types=$$?; cat .venv/types.txt; exit $$((tests | types))
 
+# PART=1/2 runs the first half of the files.
 test-slow: setup
-	@$(PYTEST) $(TESTS) -m 'slow and not study and not bench'
+	@MODALSCOPE_PART=$(or $(PART),1/1) $(PYTEST) $(TESTS) -m 'slow and not study and not bench'
 
 attack: setup
 	@OPENBLAS_NUM_THREADS=1 MPLBACKEND=Agg $(BIN)/python -m tests.attack.harness $(or $(SEED),0)

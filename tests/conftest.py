@@ -1,6 +1,6 @@
 """What a test needs and does not find is said in words: extras are skipped, and so are measured data, which are counted.
 
-With MODALSCOPE_NEED_DATA=1 missing data are failures.
+With MODALSCOPE_NEED_DATA=1 missing data are failures. With MODALSCOPE_PART=K/N files of tests are parted into N, of which the K-th runs.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ import re
 import sys
 from collections.abc import Callable, Generator, Iterator
 from typing import Any
+from zlib import crc32
 
 import pytest
 
@@ -70,8 +71,14 @@ def study(request: pytest.FixtureRequest) -> Iterator[Callable[[str, str], Study
 
 
 @pytest.hookimpl(tryfirst=True)  # before -k chooses
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Let `make study WORD=...` choose by subject, too."""
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Let `make study WORD=...` choose by subject, too, and `make test-slow PART=1/2` take the files of one part."""
+    part, parts = map(int, os.environ.get("MODALSCOPE_PART", "1/1").split("/"))
+    kept, others = (
+        [i for i in items if (crc32(i.path.name.encode()) % parts == part - 1) is own] for own in (True, False)
+    )
+    config.hook.pytest_deselected(items=others)
+    items[:] = kept
     for item in items:
         for mark in item.iter_markers("study"):
             item.extra_keyword_matches.update(mark.args)
