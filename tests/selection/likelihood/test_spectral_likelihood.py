@@ -46,6 +46,15 @@ def test_the_functions_are_the_half_spectra_of_decays_seen_through_a_triangle() 
     assert short.slopes(poles) == pytest.approx(slopes, rel=1e-5)
 
 
+@pytest.mark.parametrize("samples", [200, 201, 333, 1000])
+def test_cells_far_from_poles_end_with_the_lines_that_there_are(samples: int) -> None:
+    record = ms.Signals(outputs=np.random.default_rng(samples).standard_normal((samples, 2)), sampling_rate=10.0)
+    cells = cells_of(Transformed.of(record), poles_from([0.5], [0.001]), (0.2, 4.9))
+    assert cells.frequencies[-1] < 5
+    assert cells.counts.sum() < samples / 2
+    assert cells.counts[-1] > 2
+
+
 def test_the_score_is_the_slope_of_the_likelihood_by_every_unknown() -> None:
     cells = cells_of(Transformed.of(BUILT.setups[1]), POLES, BAND)
     own = begun(cells, POLES)

@@ -167,7 +167,10 @@ def cells_of(
     starts = [first]
     while starts[-1] < last:
         near = float(np.min(np.hypot(x[starts[-1]] - centre, half)))
-        starts.append(starts[-1] + max(int(near / _CELLS_PER_HALF_BANDWIDTH * count / rate), 1))
+        step = max(int(near / _CELLS_PER_HALF_BANDWIDTH * count / rate), 1)
+        starts.append(
+            min(starts[-1] + step, len(x) - 1)
+        )  # far from poles a cell may reach over all lines that there are
     at = np.array(starts[:-1]) - first
     inside, own = lines[first : starts[-1]], x[first : starts[-1]]
     combined = np.eye(y.shape[1]) if shapes is None else _combinations(inside, shapes)
