@@ -14,15 +14,8 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.analysis.planning.foretold import (
-    TOLD_APART,
-    deviations_foretold,
-    information,
-    not_told_apart,
-    scatter_of_noise,
-    slopes_left,
-)
-from modalscope.analysis.planning.next_measurement import _Test
+from modalscope.analysis.planning.foretold import deviations_foretold, information, slopes_left
+from modalscope.analysis.planning.next_measurement import TOLD_APART, _Test, not_told_apart, scatter_of_noise
 from modalscope.numerics.checks import Array, RealArray
 from tests.analysis.planning.planned import PLACES, structure
 from tests.studies import Study

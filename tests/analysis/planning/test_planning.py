@@ -10,14 +10,8 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from modalscope.analysis.planning.foretold import (
-    deviations_foretold,
-    information,
-    not_told_apart,
-    scatter_of_noise,
-    slopes_left,
-)
-from modalscope.analysis.planning.next_measurement import _Test
+from modalscope.analysis.planning.foretold import deviations_foretold, information, slopes_left
+from modalscope.analysis.planning.next_measurement import _Test, not_told_apart, scatter_of_noise
 from modalscope.analysis.planning.placement import _Places
 from modalscope.numerics.checks import RealArray
 from modalscope.numerics.errors import DataError
@@ -116,7 +110,7 @@ def test_other_criteria_choose_by_the_covariance(criterion: str) -> None:
     ("options", "words"),
     [
         ({"sensors": 20}, "there are 12 places"),
-        ({"sensors": 1, "keep": ["1:+Z", "2:+Z"]}, "2 of them kept"),
+        ({"sensors": 1, "keep": ["1:+Z", "2:+Z"]}, "2 kept"),
         ({"sensors": 2, "noise": [1.0, 2.0]}, "2 numbers from 1 for 12 places"),
         ({"sensors": 2, "noise": 0.0}, "numbers from 0"),
         ({"sensors": 2, "exclude": ["99:+Z"]}, "99"),

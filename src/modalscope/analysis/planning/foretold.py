@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.linalg as sla
-from scipy.special import ndtri
 
 from modalscope.data.response import Response
 from modalscope.numerics.checks import Array, RealArray
@@ -24,9 +23,6 @@ from modalscope.selection.likelihood.covariance import deviations_of_poles, pole
 
 #: Information relative to the largest that is rounding.
 _ROUNDING = 1e-12
-
-#: Probability at which one place is told from another, and channels below which their noise does not say how it scatters.
-TOLD_APART, _MIN_CHANNELS = 0.8, 4
 
 
 def slopes_left(response: Response, poles: Array) -> RealArray:
@@ -69,21 +65,3 @@ def deviations_foretold(information: RealArray, poles: Array) -> tuple[RealArray
         blocks = pole_blocks(sla.inv(unit) / scale, np.arange(0, len(unit), 2))
         f[told[::2]], zeta[told[::2]] = deviations_of_poles(poles[told[::2]], blocks)
     return f, zeta
-
-
-def scatter_of_noise(levels: RealArray) -> float:
-    """Return the standard deviation of the log noise of a new place about the mean of those measured; infinite if they do not tell it.
-
-    `levels` (places, channels of each): logarithms, log-normal from place to place. Of one place, its channels tell how noise scatters.
-    """
-    several = levels if len(levels) > 1 else levels.T
-    if several.size < _MIN_CHANNELS:
-        return np.inf
-    return float(np.sqrt(np.mean(several.var(axis=0, ddof=1))))
-
-
-def not_told_apart(values: RealArray, deviations: RealArray) -> list[int]:
-    """Return the largest of normal numbers and those that are not smaller at `TOLD_APART`: (x_1 - x_k) / sqrt(d_1^2 + d_k^2) < z."""
-    first = int(np.argmax(values))
-    near = values[first] - values < ndtri(TOLD_APART) * np.hypot(deviations, deviations[first])
-    return [first, *(int(k) for k in np.flatnonzero(near) if k != first)]

@@ -9,16 +9,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.special import chdtrc
+from scipy.special import chdtrc, ndtri
 
-from modalscope.analysis.planning.foretold import (
-    TOLD_APART,
-    deviations_foretold,
-    information,
-    not_told_apart,
-    scatter_of_noise,
-    slopes_left,
-)
+from modalscope.analysis.planning.foretold import deviations_foretold, information, slopes_left
 from modalscope.data.modes import ModalModel
 from modalscope.data.rebuilt import rebuilt
 from modalscope.data.response import line_step
@@ -42,15 +35,14 @@ _NODE = 0.02
 #: that this is no chance.
 _FORETOLD_WITHIN, _CHANCE = 1.15, 0.01
 
+#: Probability at which one place is told from another, and channels below which their noise does not say how it scatters.
+TOLD_APART, _MIN_CHANNELS = 0.8, 4
+
 #: Lines over the half bandwidth of a mode, below which a longer record is a step.
 _LINES_OF_A_HALF_BANDWIDTH = 2
 
 #: What may be asked, with the words for it.
-_WORDS = {
-    **dict.fromkeys(("damping", "zeta"), "damping"),
-    **dict.fromkeys(("f", "frequency", "frequencies"), "frequency"),
-    **dict.fromkeys(("shape", "shapes", "mac"), "shape"),
-}
+_WORDS = {"damping": "damping zeta", "frequency": "f frequency frequencies", "shape": "shape shapes mac"}
 
 #: The fields of modes that hold a quantity.
 _FIELDS = {"damping": "damping_ratios", "frequency": "frequencies"}
@@ -134,10 +126,7 @@ class NextMeasurement:
             some = "" if np.isfinite([*self.now.values()]).all() else ", of the modes with an interval"
             lines.append(f"All of it is reached{some}: stop here.")
         for (what, values), lack in zip(self.now.items(), _lacking(self.now, self.asked), strict=True):
-            short = [
-                f"mode {k + 1} ({self.frequencies[k]:.5g} Hz) {_said(what, values[k])}"
-                for k in np.flatnonzero(lack > 1)
-            ]
+            short = [_mode(k, self.frequencies, what, values) for k in np.flatnonzero(lack > 1).tolist()]
             lines += [f"Now: {', '.join(short)}."] if short else []
         for number, step in enumerate(self.steps, 1):
             lines.append(f"{number}. {_order(step.kind, step.place, step.times)}{_time(step)}: {self._worst(step)}.")
@@ -239,7 +228,7 @@ def _asked(ask: str) -> dict[str, float]:
     found = {}
     for part in re.split(r"[,;]", ask):
         parts = re.fullmatch(r"\s*([a-z]+)\s+(\d*\.?\d+)\s*(%?)\s*", part)
-        word = None if parts is None else _WORDS.get(parts[1])
+        word = next((what for what, words in _WORDS.items() if parts and parts[1] in words.split()), None)
         limit = 0.0 if parts is None else float(parts[2]) / (100 if parts[3] else 1)
         if word is None or not 0 < limit < 1:
             change = 'Write such as "damping 5 %", "f 0.1 %" or "shapes 0.98", with numbers between 0 and 100 %.'
@@ -258,6 +247,10 @@ def _lacking(values: dict[str, RealArray], asked: dict[str, float]) -> list[Real
 def _said(what: str, value: float) -> str:
     digits = max(3, int(np.ceil(-np.log10(max(1 - value, 1e-6)))))
     return f"MAC {value:.{digits}g}" if what == "shape" else f"{what} ±{percent(value, 2)}"
+
+
+def _mode(k: int, frequencies: RealArray, what: str, values: RealArray) -> str:
+    return f"mode {k + 1} ({frequencies[k]:.5g} Hz) {_said(what, values[k])}"
 
 
 def _order(kind: str, place: str, times: int) -> str:
@@ -286,9 +279,10 @@ class _Test:
 
     def __init__(self, result: Result) -> None:
         self.modes = modes = result.modes
+        self._heard, self._driven = len(modes.output_dofs), len(modes.input_dofs)
         responses = [diagram.response for diagram in result.diagrams]
         if any(response.ambient or not response.separable for response in responses) or modes.participation is None:
-            change = 'Give responses to forces; of records, analyze(data, route="frf").'
+            change = 'Measure the forces, too; of records with forces give analyze(data, route="frf").'
             raise DataError("next_measurement", "the data are no responses to forces that act one by one", change)
         if len(responses) != 1:
             have = f"the result has diagrams of {counted(len(responses), 'band')}"
@@ -296,11 +290,8 @@ class _Test:
         self._response = response = responses[0]
         interval = modes.interval() if len(modes) and modes.frequencies_std is not None else None
         if interval is None or not np.isfinite(interval["frequency"]).any():
-            raise DataError(
-                "next_measurement",
-                f"none of {counted(len(modes), 'mode')} has an interval",
-                "Give a result of `analyze` with refined modes.",
-            )
+            change = "Widen the band, or give a result of `analyze` with refined modes."
+            raise DataError("next_measurement", f"none of {counted(len(modes), 'mode')} has an interval", change)
         keys = {"damping": "damping_ratio", "frequency": "frequency"}
         self._widths = {what: np.diff(interval[key], axis=-1)[:, 0] / 2 for what, key in keys.items()}
         left = response.values - rebuilt(response, for_judging(response, modes))
@@ -331,7 +322,7 @@ class _Test:
         The widest of noise, lines and groups is stated. Where it is that of groups (outputs, inputs, channels, parts in time, runs), its
         degrees of freedom are one less than their number.
         """
-        heard, driven = len(self.modes.output_dofs), len(self.modes.input_dofs)
+        heard, driven = self._heard, self._driven
         counts = np.array([heard, driven, heard * driven, PARTS, len(set(self._response.groups or ()))])
         found = {}
         for k, what in enumerate(("frequency", "damping")):
@@ -383,8 +374,8 @@ class _Test:
     @property
     def _by_kind(self) -> tuple[tuple[tuple[str, ...], tuple[str, ...]], ...]:
         """Return measured and new places of forces, and of sensors; under a roving hammer outputs of the modes are where forces act."""
-        heard, driven = len(self.modes.output_dofs), len(self.modes.input_dofs)
-        sides = (self.inputs[:driven], self.inputs[driven:]), (self.outputs[:heard], self.outputs[heard:])
+        both = (self.inputs, self._driven), (self.outputs, self._heard)
+        sides = tuple((labels[:measured], labels[measured:]) for labels, measured in both)
         return sides[::-1] if self._response.exchanged else sides
 
     def of_noise(self, kinds: set[str]) -> Iterator[str]:
@@ -409,8 +400,7 @@ class _Test:
             "coherence": None,
         }
         light = replace(self._response.select(outputs=[0], inputs=[0]), **one)
-        known = self._residues[: len(self.modes.output_dofs), : len(self.modes.input_dofs)]
-        told = information(slopes_left(light, self.modes.poles), known)
+        told = information(slopes_left(light, self.modes.poles), self._residues[: self._heard, : self._driven])
         self._longer, self._length = told.sum(axis=(0, 1)) / times, times
         return [("longer", f"{figures(step / times)} Hz")]
 
@@ -432,18 +422,13 @@ class _Test:
         def lacking(often: float) -> float:
             return float(self._lacking({one: often}, asked, may).max())
 
+        kind, place = one
         times = 1 + bisect_left(range(1, _MOST), True, key=lambda often: lacking(often) <= 1)
+        reached, minutes = {what: self.reached(what, {one: times}) for what in asked}, self._minutes({one: times})
         # noise larger by a factor does what so many fewer measurements do, its square
-        louder = lacking(times * np.exp(-2 * self.scatter.get(one[0], 0)))
-        return Step(
-            kind=one[0],
-            place=one[1],
-            times=times,
-            minutes=self._minutes({one: times}),
-            reached={what: self.reached(what, {one: times}) for what in asked},
-            lacking=lacking(times),
-            uncertainty=float(np.log(louder / lacking(times))),
-        )
+        doubt = float(np.log(lacking(times * np.exp(-2 * self.scatter.get(kind, 0))) / lacking(times)))
+        told: dict[str, Any] = {"reached": reached, "lacking": lacking(times), "uncertainty": doubt}
+        return Step(kind=kind, place=place, times=times, minutes=minutes, **told)
 
     def plan(self, every: list[_Candidate], asked: dict[str, float], may: Array) -> dict[_Candidate, int]:
         """Return how often to measure where, one measurement after the other that lowers what is lacking most per minute.
@@ -451,20 +436,14 @@ class _Test:
         What is lacking: the mean over modes of the logarithms of what exceeds what was asked.
         """
         plan: dict[_Candidate, int] = {}
-        for _ in range(_MOST * len(every)):
-            lack = self._excess(plan, asked, may)
-            if lack <= 0:
-                return dict(sorted(plan.items(), key=lambda each: every.index(each[0])))
+        while (lack := self._excess(plan, asked, may)) > 0:
             spent = self._minutes(plan)
             tried = [{**plan, each: plan.get(each, 0) + 1} for each in every if plan.get(each, 0) < _MOST]
-            plan = max(
-                tried,
-                key=lambda p: (lack - self._excess(p, asked, may)) / max(self._minutes(p) - spent, 1e-9),
-                default={},
-            )
-            if not plan:
-                break
-        return {}
+            if not tried:
+                return {}
+            paces = [(lack - self._excess(p, asked, may)) / max(self._minutes(p) - spent, 1e-9) for p in tried]
+            plan = tried[int(np.argmax(paces))]
+        return dict(sorted(plan.items(), key=lambda each: every.index(each[0])))
 
     def _excess(self, plan: dict[_Candidate, int], asked: dict[str, float], may: Array) -> float:
         return float(np.mean(np.log(np.maximum(self._lacking(plan, asked, may), 1))))
@@ -490,9 +469,7 @@ class _Test:
                 why = "every place that is known is near a node. Measure at another place"
             else:
                 why = f"with {_MOST} times as many measurements. Lower the noise"
-            reasons.setdefault(why, []).append(
-                f"mode {k + 1} ({modes.frequencies[k]:.5g} Hz) {_said(what, best[what][k])}"
-            )
+            reasons.setdefault(why, []).append(_mode(k, modes.frequencies, what, best[what]))
         return tuple(f"Out of reach: {', '.join(each)}: {why}." for why, each in reasons.items())
 
     def _minutes(self, more: Mapping[_Candidate, float]) -> float:
@@ -507,21 +484,20 @@ class _Test:
 
     def _weights(self, more: Mapping[_Candidate, float]) -> RealArray:
         """Return how often each channel is measured, (L, M)."""
-        heard, driven = len(self.modes.output_dofs), len(self.modes.input_dofs)
         weight = np.zeros(self._noise.shape)
-        weight[:heard, :driven] = 1
+        weight[: self._heard, : self._driven] = 1
         for (kind, dof), times in more.items():
             if kind == "longer":
                 continue
             if (kind == "sensor") != self._response.exchanged:
-                weight[self.outputs.index(dof), :driven] += times
+                weight[self.outputs.index(dof), : self._driven] += times
             else:
-                weight[:heard, self.inputs.index(dof)] += times
+                weight[: self._heard, self.inputs.index(dof)] += times
         return weight
 
     def _mac(self, more: Mapping[_Candidate, float]) -> RealArray:
         """Return the expected MAC of each shape with the true one: what is across it has variances that fall with sum |b|^2 / s^2."""
-        modes, heard = self.modes, len(self.modes.output_dofs)
+        modes, heard = self.modes, self._heard
         if modes.shapes_std is None or heard < 2:
             have = "shapes without deviations" if heard > 1 else "one output, whose shape is a single number"
             raise DataError("shapes were asked", f"the result has {have}", "Ask for damping or frequency.")
@@ -545,3 +521,21 @@ def _rests_on(result: Result, planned: Array, reciprocal: bool) -> tuple[str, ..
             else ("What a new place would do is not known without a driving point: measure a force at a sensor once.",)
         ),
     )
+
+
+def scatter_of_noise(levels: RealArray) -> float:
+    """Return the standard deviation of the log noise of a new place about the mean of those measured; infinite if they do not tell it.
+
+    `levels` (places, channels of each): logarithms, log-normal from place to place. Of one place, its channels tell how noise scatters.
+    """
+    several = levels if len(levels) > 1 else levels.T
+    if several.size < _MIN_CHANNELS:
+        return np.inf
+    return float(np.sqrt(np.mean(several.var(axis=0, ddof=1))))
+
+
+def not_told_apart(values: RealArray, deviations: RealArray) -> list[int]:
+    """Return the largest of normal numbers and those that are not smaller at `TOLD_APART`: (x_1 - x_k) / sqrt(d_1^2 + d_k^2) < z."""
+    first = int(np.argmax(values))
+    near = values[first] - values < ndtri(TOLD_APART) * np.hypot(deviations, deviations[first])
+    return [first, *(int(k) for k in np.flatnonzero(near) if k != first)]

@@ -131,13 +131,9 @@ def place(
     problem = _Places(modes, noise)
     groups = _groups(modes.output_dofs, list(exclude), triaxial)
     kept = [next(g for g in groups if i in g) for i in indices_of("output", list(keep), modes.output_dofs)]
-    may = (
-        range(len(problem.labels)) if force_places is None else indices_of("output", list(force_places), problem.labels)
-    )
+    may = indices_of("output", problem.labels if force_places is None else list(force_places), problem.labels)
     if sensors > len(groups) or forces > len(may) or len(kept) > sensors:
-        have = (
-            f"there are {counted(len(groups), 'place')} of sensors, {len(kept)} of them kept, and {len(may)} of forces"
-        )
+        have = f"there are {counted(len(groups), 'place')} of sensors, {len(kept)} kept, and {len(may)} of forces"
         raise DataError(f"sensors={sensors}, forces={forces}", have, "Ask for fewer, or exclude fewer places.")
 
     def cost(driven: Sequence[int], chosen: Sequence[tuple[int, ...]], by: str = criterion) -> float:
