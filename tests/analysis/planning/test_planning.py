@@ -94,6 +94,9 @@ def test_a_triaxial_sensor_is_one_place() -> None:
     found = ms.place(modes, sensors=2, triaxial=True)
     assert len(found.sensors) == 6
     assert len({label.split(":")[0] for label in found.sensors}) == 2
+    kept = ms.place(modes, sensors=2, triaxial=True, keep=["1:+X", "1:+Y"], exclude=["1:+Y"])
+    assert kept.sensors[:3] == ("1:+X", "1:+Y", "1:+Z")
+    assert len(kept.sensors) == 6
 
 
 @pytest.mark.parametrize("criterion", ["A", "D", "E"])
