@@ -186,7 +186,7 @@ def next_measurement(
     True
     """
     check_kind("result", result, Result)
-    asked, test = _asked(ask), _Test(result)
+    asked, test = asked_of(ask), _Test(result)
     every = test.candidates()
     if candidates is None:
         every += test.longer()
@@ -223,8 +223,8 @@ def next_measurement(
     )
 
 
-def _asked(ask: str) -> dict[str, float]:
-    """Return what was asked, by its word."""
+def asked_of(ask: str) -> dict[str, float]:
+    """Return what was asked, by its word; a wish that cannot be read is a DataError."""
     found = {}
     for part in re.split(r"[,;]", ask):
         parts = re.fullmatch(r"\s*([a-z]+)\s+(\d*\.?\d+)\s*(%?)\s*", part)
@@ -512,7 +512,7 @@ def _rests_on(result: Result, planned: Array, reciprocal: bool) -> tuple[str, ..
     """Return what a plan rests on."""
     open_ = [f"{f:.5g} Hz" for f in result.modes.frequencies[~planned]]
     return (
-        "Foretold for the modes of this result: those that are not seen yet are not planned for.",
+        "Foretold for the modes of this result: modes that are not detected yet are not planned for.",
         *((f"No interval, not planned for: {', '.join(open_)}.",) if open_ else ()),
         *(f"Plan for these first. {note}" for note in result.notes if note.kind == BARE),
         *(

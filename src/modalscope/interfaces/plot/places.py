@@ -64,9 +64,8 @@ def places_picture(found: Placement | NextMeasurement, geometry: Geometry) -> Pi
     reach = np.concatenate([rest, *(np.column_stack([w.x, w.y]) for w in arrows if isinstance(w, Words))])
     low, high = reach.min(axis=0) - 0.1 * far, reach.max(axis=0) + 0.1 * far
     across, upward = (Axis("", *ends, named=()) for ends in zip(low, high, strict=True))
-    panel = Panel(
-        across, upward, [*items, *arrows, *triad(view, low, far)], "Places of sensors and forces", equal=True, bare=True
-    )
+    drawn = [*items, *arrows, *triad(view, low, far)]
+    panel = Panel(across, upward, drawn, "Places of sensors and forces", equal=True, bare=True)
     return Picture([panel], f"Places on the geometry: {', '.join(labels)}")
 
 
