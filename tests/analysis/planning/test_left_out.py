@@ -1,7 +1,8 @@
 """Places left out of measured tests: is the place that is foretold to help most the one that then does?
 
 Of every case some sensors and forces are analysed, and again with each of four places more. Where modes of the whole test tell the residues
-there, the deviations that are then stated of damping ratios are held against those foretold.
+there, the deviations that are then stated of damping ratios are held against those foretold. Named are the places that `next` could not
+tell apart, as their noise is not known.
 """
 
 from __future__ import annotations
@@ -14,33 +15,41 @@ import pytest
 
 import modalscope as ms
 from modalscope.analysis.planning.foretold import deviations_foretold, information, slopes_left
-from modalscope.analysis.planning.next_measurement import _Test
+from modalscope.analysis.planning.next_measurement import TOLD_APART, _Test, not_told_apart, scatter_of_noise
 from modalscope.numerics.checks import Array, RealArray
 from tests.analysis.planning.planned import PLACES, structure
 from tests.studies import Study
 from tests.support import measured
 
-#: Lead of the first place over the second by which it is named.
-NAMED = 1.1
+#: Lead of the first place over the second by which it is ahead.
+AHEAD = 1.1
 
 
 @dataclass(frozen=True)
 class Told:
-    """A mode of a case: foretold and then stated deviations of its damping over those before, (4,), and whether disagreement rules."""
+    """A mode of a case: foretold and then stated deviations of its damping over those before, (4,), and whether disagreement rules.
+
+    `doubt` (4,): standard deviations of the logarithms of those foretold, from the noise of the new place.
+    """
 
     foretold: RealArray
+    doubt: RealArray
     stated: RealArray
     disagrees: bool
 
     @property
-    def named(self) -> bool:
+    def ahead(self) -> bool:
         first, second = np.sort(self.foretold)[:2]
-        return bool(np.isfinite(self.stated).all() and NAMED * first <= second)
+        return bool(AHEAD * first <= second)
 
     @property
     def over_best(self) -> float:
-        """What the named place reached over the best of all."""
+        """What the first place reached over the best of all."""
         return float(self.stated[np.argmin(self.foretold)] / self.stated.min())
+
+    @property
+    def named(self) -> list[int]:
+        return not_told_apart(-np.log(self.foretold), self.doubt)
 
 
 def paired(modes: ms.ModalModel, other: ms.ModalModel) -> Array:
@@ -54,7 +63,9 @@ def paired(modes: ms.ModalModel, other: ms.ModalModel) -> Array:
 
 
 def foretold(test: _Test, sides: tuple[list[int], list[int]], place: tuple[bool, int], residues: Array) -> RealArray:
-    """Return deviations of damping with one place more: (an output of the modes?, its index in the whole test).
+    """Return deviations of damping with one place more, as foretold and with its noise a standard deviation above that, (2, n).
+
+    `place`: (an output of the modes?, its index in the whole test).
 
     `sides`: outputs and inputs of the modes by their indices in the whole test. `residues` (L, M, n): of the whole test, of these modes.
     """
@@ -64,9 +75,9 @@ def foretold(test: _Test, sides: tuple[list[int], list[int]], place: tuple[bool,
     level = np.exp(noise.mean(axis=0))[None] if output else np.exp(noise.mean(axis=1))[:, None]
     products = slopes_left(test._response, test.modes.poles)
     known = test._told[: len(outputs), : len(inputs)].sum(axis=(0, 1))
-    return deviations_foretold(
-        known + information(products, more / level[:, :, None]).sum(axis=(0, 1)), test.modes.poles
-    )[1]
+    told = information(products, more / level[:, :, None]).sum(axis=(0, 1))
+    louder = scatter_of_noise(noise if output else noise.T)
+    return np.array([deviations_foretold(known + told * np.exp(-2 * by), test.modes.poles)[1] for by in (0.0, louder)])
 
 
 def case(
@@ -87,7 +98,8 @@ def case(
         of_whole >= 0, np.einsum("ok,ki->oik", whole.shapes, whole.known_participation(""))[:, :, of_whole], 0
     )
     own = sides[::-1] if turned else sides
-    after = np.array([foretold(test, own, (s != turned, k), residues) for s, k in places]) / test._before["damping"]
+    both = np.array([foretold(test, own, (s != turned, k), residues) for s, k in places])
+    after, doubt = both[:, 0] / test._before["damping"], np.log(both[:, 1] / both[:, 0])
     stated = np.full(after.shape, np.nan)
     for row, (sensor, k) in enumerate(places):
         more = sorted([*sides[0], k]) if sensor else sides[0], sides[1] if sensor else sorted([*sides[1], k])
@@ -100,7 +112,7 @@ def case(
             stated[row] = np.where(j >= 0, relative, np.nan)
     known = (of_whole >= 0) & (modes.degrees[:, 1] != 0) & np.isfinite(modes.damping_ratios_std)
     for m in np.flatnonzero(known):
-        yield Told(after[:, m], stated[:, m], bool(test.disagree["damping"][m]))
+        yield Told(after[:, m], doubt[:, m], stated[:, m], bool(test.disagree["damping"][m]))
 
 
 def beam() -> Iterator[Told]:
@@ -163,18 +175,35 @@ def record(told: Study, modes: list[Told]) -> None:
         ("noise rules", [m for m in modes if not m.disagrees]),
         ("disagreement rules", [m for m in modes if m.disagrees]),
     ):
-        named = [m for m in some if m.named]
-        told.row(f"{name}: modes of which a place is ahead by a tenth", f"{len(named)} of {len(some)}")
-        if named:
+        ahead = [m for m in some if m.ahead and np.isfinite(m.stated).all()]
+        told.row(f"{name}: modes of which a place is ahead by a tenth", f"{len(ahead)} of {len(some)}")
+        if ahead:
             asked = 0.8 if name == "noise rules" else None
             told.row(
                 f"{name}: the place ahead was the best of four",
-                float(np.mean([m.over_best == 1 for m in named])),
+                float(np.mean([m.over_best == 1 for m in ahead])),
                 least=asked,
             )
             told.row(
-                f"{name}: it came within a tenth of the best", float(np.mean([m.over_best < NAMED for m in named]))
+                f"{name}: it came within a tenth of the best", float(np.mean([m.over_best < AHEAD for m in ahead]))
             )
+    record_named(
+        told, [(int(np.argmin(m.stated)), m.named) for m in modes if not m.disagrees and np.isfinite(m.stated).all()]
+    )
+
+
+def record_named(told: Study, found: list[tuple[int, list[int]]]) -> None:
+    """Write the rows of (best place, places named)."""
+    alone = [best == named[0] for best, named in found if len(named) == 1]
+    told.row(
+        "noise rules: the best of four was among those named",
+        float(np.mean([best in named for best, named in found])),
+        least=TOLD_APART,
+    )
+    told.row("noise rules: places named of four, mean", float(np.mean([len(named) for _, named in found])))
+    told.row("noise rules: modes of which one place alone is named", f"{len(alone)} of {len(found)}")
+    if alone:
+        told.row("noise rules: that place was the best of four", float(np.mean(alone)))
 
 
 @pytest.mark.study("planning")
@@ -182,3 +211,40 @@ def record(told: Study, modes: list[Told]) -> None:
 def test_places_left_out(study: Callable[[str, str], Study], name: str) -> None:
     made, seeds = CASES[name]
     record(study(f"{name}; four places left out", seeds), list(made()))
+
+
+@pytest.mark.study("planning")
+@pytest.mark.parametrize("by", ["channel", "place"])
+def test_places_whose_noise_is_random(study: Callable[[str, str], Study], by: str) -> None:
+    """Log-normal noise alone decides: the true deviations are those foretold with the noise of the new place known."""
+    told = study(
+        f"4 sensors and 2 forces of 12, log-normal noise by {by}, a factor of 1.6; four sensors left out, nothing else unknown",
+        "100 seeds, 75000 to 75099",
+    )
+    found: list[tuple[int, list[int]]] = []
+    for seed in range(75000, 75100):
+        made, draw = structure(seed), np.random.default_rng(seed)
+        S, F = draw.permutation(PLACES)[:8], draw.permutation(PLACES)[:2]
+        levels = np.log(1.6) * (
+            draw.standard_normal((8, 2)) if by == "channel" else draw.standard_normal((8, 1)) + np.zeros(2)
+        )
+        told_by = information(
+            slopes_left(made.response([0], [0], 1.0, 0), made.poles),
+            np.einsum("ok,ik->oik", made.shapes[S], made.shapes[F]) / (2j * made.poles.imag),
+        )
+        known = np.einsum("oi,oiab->ab", np.exp(-2 * levels[:4]), told_by[:4])
+        mean, doubt = levels[:4].mean(axis=0), scatter_of_noise(levels[:4])
+        foretold, louder, true = (
+            np.log(
+                [
+                    deviations_foretold(known + np.einsum("i,iab->ab", np.exp(-2 * level), told_by[k]), made.poles)[1]
+                    for k, level in zip(range(4, 8), each, strict=True)
+                ]
+            )
+            for each in ([mean] * 4, [mean + doubt] * 4, levels[4:])
+        )
+        found += [
+            (int(np.argmin(true[:, k])), not_told_apart(-foretold[:, k], (louder - foretold)[:, k]))
+            for k in range(len(made.poles))
+        ]
+    record_named(told, found)

@@ -11,7 +11,7 @@ import pytest
 
 import modalscope as ms
 from modalscope.analysis.planning.foretold import deviations_foretold, information, slopes_left
-from modalscope.analysis.planning.next_measurement import _Test
+from modalscope.analysis.planning.next_measurement import _Test, not_told_apart, scatter_of_noise
 from modalscope.analysis.planning.placement import _Places
 from modalscope.numerics.checks import RealArray
 from modalscope.numerics.errors import DataError
@@ -94,6 +94,9 @@ def test_a_triaxial_sensor_is_one_place() -> None:
     found = ms.place(modes, sensors=2, triaxial=True)
     assert len(found.sensors) == 6
     assert len({label.split(":")[0] for label in found.sensors}) == 2
+    kept = ms.place(modes, sensors=2, triaxial=True, keep=["1:+X", "1:+Y"], exclude=["1:+Y"])
+    assert kept.sensors[:3] == ("1:+X", "1:+Y", "1:+Z")
+    assert len(kept.sensors) == 6
 
 
 @pytest.mark.parametrize("criterion", ["A", "D", "E"])
@@ -110,7 +113,7 @@ def test_other_criteria_choose_by_the_covariance(criterion: str) -> None:
     ("options", "words"),
     [
         ({"sensors": 20}, "there are 12 places"),
-        ({"sensors": 1, "keep": ["1:+Z", "2:+Z"]}, "2 of them kept"),
+        ({"sensors": 1, "keep": ["1:+Z", "2:+Z"]}, "2 kept"),
         ({"sensors": 2, "noise": [1.0, 2.0]}, "2 numbers from 1 for 12 places"),
         ({"sensors": 2, "noise": 0.0}, "numbers from 0"),
         ({"sensors": 2, "exclude": ["99:+Z"]}, "99"),
@@ -190,6 +193,63 @@ def test_what_is_planned_reaches_what_was_asked(made: Structure, result: ms.Resu
     assert {step.place for step in fewer.steps} <= {"1:+Z"}
 
 
+def test_noise_of_places_scatters_as_it_was_made() -> None:
+    """The deviation of 300 places is known to 4 %; of one place its channels tell it, and of three channels nobody can."""
+    levels = 0.7 * np.random.default_rng(1).standard_normal((300, 2)) + [5.0, -5.0]
+    assert scatter_of_noise(levels) == pytest.approx(0.7, rel=0.12)
+    assert scatter_of_noise(levels[:, :1].T) == scatter_of_noise(levels[:, :1])
+    assert scatter_of_noise(np.array([[0.0], [1.0], [3.0]])) == np.inf
+
+
+def test_places_are_apart_by_the_deviation_of_their_difference() -> None:
+    """At 80 % a normal number is .8416 deviations from its mean; a known place is apart from a known one however near it is."""
+    deviations = np.array([1.0, 1.0, 1.0, 0.0])
+    limit = 0.8416 * np.sqrt(2)
+    assert not_told_apart(np.array([0.0, 0.01 - limit, -0.01 - limit, -0.85]), deviations) == [0, 1]
+    assert not_told_apart(np.array([-0.84, -2.0, -3.0, 0.0]), deviations) == [3, 0]
+    assert not_told_apart(np.array([0.0, -1e-9]), np.zeros(2)) == [0]
+
+
+def test_a_place_is_as_uncertain_as_its_noise(made: Structure, result: ms.Result) -> None:
+    """A new force whose channels are louder by the scatter of those measured reaches what the uncertainty says."""
+    test = _Test(result)
+    asked, may = {"damping": 1e-6}, np.ones(MODES, bool)
+    step = test.step(("force", "5:+Z"), asked, may)
+    test._noise[:, test.inputs.index("5:+Z")] *= np.exp(test.scatter["force"])
+    test._told = test._told.copy()
+    test._told[:, test.inputs.index("5:+Z")] /= np.exp(2 * test.scatter["force"])
+    assert test.step(("force", "5:+Z"), asked, may).lacking == pytest.approx(step.lacking * np.exp(step.uncertainty))
+    assert test.step(("repeat", "1:+Z"), asked, may).uncertainty == 0
+
+
+def test_a_first_choice_names_all_that_noise_does_not_tell_apart(made: Structure) -> None:
+    times = np.exp(np.random.default_rng(2).standard_normal((6, 2)))
+    result = ms.analyze(made.response([0, 2, 4, 6, 8, 10], [0, 3], times, 8001))
+    ask = f"damping {25 * float(np.max(_Test(result).reached('damping', {}))):.6g} %"
+    said = ms.next_measurement(result, ask=ask, candidates=["3:+Z", "5:+Z", "7:+Z", "9:+Z", "11:+Z"])
+    assert len(said.first) > 1
+    assert said.first[0] == 1
+    assert f"{said.first[-1]}, whichever is easiest to reach: they cannot be told apart (80 %)" in str(said)
+    assert "from place to place it differs by a factor of 1." in said.notes[-1]
+    known = ms.next_measurement(result, ask=ask, candidates=["1:+Z", "4:+Z"])
+    assert "First choice" not in str(known)
+    single = ms.analyze(made.response([0, 2, 4], [0], 1.0, 8001))
+    few = ms.next_measurement(single, ask=ask, candidates=["3:+Z", "5:+Z"])
+    assert "too few channels tell how it differs" in few.notes[-1]
+
+
+def test_noise_of_other_units_says_nothing_of_a_new_place(made: Structure) -> None:
+    """A strain gauge whose numbers are a million times smaller changes nothing; with two alike channels the scatter is not known."""
+    data = made.response([0, 2, 4, 6, 8], [0, 3], 1.0, 8001)
+    scale = np.array([1, 1, 1, 1, 1e-6])[:, None]
+    units = (("m",) * 4 + ("strain",), ("N", "N"))
+    result = ms.analyze(replace(data, values=data.values * scale, units=units, quantity="displacement"))
+    test, alike = _Test(result), np.log(_Test(result)._noise[:4, :2])
+    new = test.outputs.index("4:+Z")
+    assert test._noise[new, :2] == pytest.approx(np.exp(alike.mean(axis=0)))
+    assert test.scatter["sensor"] == pytest.approx(scatter_of_noise(alike))
+
+
 def test_runs_that_disagree_are_said_and_no_place_is_named(result: ms.Result) -> None:
     stated = result.modes.damping_ratios_std
     assert stated is not None
@@ -225,7 +285,8 @@ def test_coarse_lines_are_made_finer(made: Structure, result: ms.Result) -> None
     """Lines that tell each mode need no longer record; with every tenth line left the narrowest mode asks for one."""
     assert not _Test(result).longer() or made.frequencies[1] * 2 > (made.poles.real / -2 / np.pi).min()
     data = made.response([0, 2, 4, 6, 8, 10], [0, 3], 1.0, 8001)
-    few = _Test(ms.analyze(replace(data, values=data.values[::5], frequencies=data.frequencies[::5])))
+    kept = {"values": data.values[::5], "frequencies": data.frequencies[::5]}
+    few = _Test(ms.analyze(replace(data, **kept, coherence=np.full(kept["values"].shape, 0.999))))
     half, step = few.modes.damping_ratios * few.modes.frequencies, 5 * (made.frequencies[1] - made.frequencies[0])
     (longer,) = few.longer()
     times = int(np.ceil(2 * step / half.min()))

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from bisect import bisect_left
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.special import chdtrc
+from scipy.special import chdtrc, ndtri
 
 from modalscope.analysis.planning.foretold import deviations_foretold, information, slopes_left
 from modalscope.data.modes import ModalModel
@@ -34,15 +35,14 @@ _NODE = 0.02
 #: that this is no chance.
 _FORETOLD_WITHIN, _CHANCE = 1.15, 0.01
 
+#: Probability at which one place is told from another, and channels below which their noise does not say how it scatters.
+TOLD_APART, _MIN_CHANNELS = 0.8, 4
+
 #: Lines over the half bandwidth of a mode, below which a longer record is a step.
 _LINES_OF_A_HALF_BANDWIDTH = 2
 
 #: What may be asked, with the words for it.
-_WORDS = {
-    **dict.fromkeys(("damping", "zeta"), "damping"),
-    **dict.fromkeys(("f", "frequency", "frequencies"), "frequency"),
-    **dict.fromkeys(("shape", "shapes", "mac"), "shape"),
-}
+_WORDS = {"damping": "damping zeta", "frequency": "f frequency frequencies", "shape": "shape shapes mac"}
 
 #: The fields of modes that hold a quantity.
 _FIELDS = {"damping": "damping_ratios", "frequency": "frequencies"}
@@ -66,6 +66,8 @@ class Step:
         Foretold half widths of 95 % intervals, relative ("damping", "frequency"), and the expected MAC ("shape").
     lacking : float
         The worst of them over what was asked, of the modes that can have it: 1 or less is enough.
+    uncertainty : float
+        Standard deviation of the logarithm of `lacking` from the noise of a new place, which nobody has measured; else zero.
     """
 
     kind: str
@@ -74,6 +76,7 @@ class Step:
     minutes: float
     reached: dict[str, RealArray]
     lacking: float
+    uncertainty: float
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -92,6 +95,8 @@ class NextMeasurement:
         The modes that lack something which measurements can give: steps and plan are for these.
     steps : tuple of Step
         Each place by itself, what lowers the worst most per minute first.
+    first : tuple of int
+        Numbers of the steps that may be the best: 1, and those that cannot be told from it (80 %) as noise at new places is not known.
     plan : mapping of (kind, place) to int
         Places that together reach what was asked in little time, and how often each is measured; none where that is not possible.
     out_of_reach : tuple of str
@@ -105,6 +110,7 @@ class NextMeasurement:
     now: dict[str, RealArray]
     served: dict[str, BoolArray]
     steps: tuple[Step, ...]
+    first: tuple[int, ...]
     plan: dict[tuple[str, str], int]
     out_of_reach: tuple[str, ...]
     notes: tuple[str, ...]
@@ -120,13 +126,14 @@ class NextMeasurement:
             some = "" if np.isfinite([*self.now.values()]).all() else ", of the modes with an interval"
             lines.append(f"All of it is reached{some}: stop here.")
         for (what, values), lack in zip(self.now.items(), _lacking(self.now, self.asked), strict=True):
-            short = [
-                f"mode {k + 1} ({self.frequencies[k]:.5g} Hz) {_said(what, values[k])}"
-                for k in np.flatnonzero(lack > 1)
-            ]
+            short = [_mode(k, self.frequencies, what, values) for k in np.flatnonzero(lack > 1).tolist()]
             lines += [f"Now: {', '.join(short)}."] if short else []
         for number, step in enumerate(self.steps, 1):
             lines.append(f"{number}. {_order(step.kind, step.place, step.times)}{_time(step)}: {self._worst(step)}.")
+        if len(self.first) > 1:
+            either = f"{', '.join(map(str, self.first[:-1]))} or {self.first[-1]}"
+            why = f"they cannot be told apart ({percent(TOLD_APART)}), as noise at new places is not known"
+            lines.append(f"First choice: {either}, whichever is easiest to reach: {why}.")
         if len(self.plan) > 1:
             lines.append(f"Together: {'; '.join(_order(*one, times) for one, times in self.plan.items())}.")
         lines += ["A force twice as strong does what four measurements do."] if self.steps else []
@@ -179,7 +186,7 @@ def next_measurement(
     True
     """
     check_kind("result", result, Result)
-    asked, test = _asked(ask), _Test(result)
+    asked, test = asked_of(ask), _Test(result)
     every = test.candidates()
     if candidates is None:
         every += test.longer()
@@ -198,29 +205,33 @@ def next_measurement(
     may = open_ & ~never
     steps = [test.step(each, asked, may) for each in every] if may.any() else []
     worth = np.log(np.max(lack[may], initial=1.0))
-    found = [s for s in steps if np.log(max(s.lacking, 1.0)) < 0.95 * worth]
-    found.sort(key=lambda s: -(worth - np.log(max(s.lacking, 1.0))) / (s.minutes if s.minutes > 0 else s.times))
+    steps = [s for s in steps if np.log(max(s.lacking, 1.0)) < 0.95 * worth]
+    spent = np.array([s.minutes if s.minutes > 0 else s.times for s in steps])
+    lacking, doubt = (np.log([max(s.lacking * np.exp(k * s.uncertainty), 1.0) for s in steps]) for k in (0, 1))
+    order = np.argsort((lacking - worth) / spent, kind="stable")
+    first = not_told_apart(((worth - lacking) / spent)[order], ((doubt - lacking) / spent)[order]) if steps else []
     return NextMeasurement(
         asked=asked,
         frequencies=test.modes.frequencies,
         now=now,
         served=dict(zip(asked, may.reshape(len(asked), -1), strict=True)),
-        steps=tuple(found),
+        steps=tuple(steps[k] for k in order),
+        first=tuple(k + 1 for k in first),
         plan=test.plan(every, asked, may) if may.any() else {},
         out_of_reach=test.why(asked, open_ & never, best),
-        notes=test.notes,
+        notes=(*test.notes, *test.of_noise({step.kind for step in steps})),
     )
 
 
-def _asked(ask: str) -> dict[str, float]:
-    """Return what was asked, by its word."""
+def asked_of(ask: str) -> dict[str, float]:
+    """Return what was asked, by its word; a wish that cannot be read is a DataError."""
     found = {}
     for part in re.split(r"[,;]", ask):
         parts = re.fullmatch(r"\s*([a-z]+)\s+(\d*\.?\d+)\s*(%?)\s*", part)
-        word = None if parts is None else _WORDS.get(parts[1])
+        word = next((what for what, words in _WORDS.items() if parts and parts[1] in words.split()), None)
         limit = 0.0 if parts is None else float(parts[2]) / (100 if parts[3] else 1)
         if word is None or not 0 < limit < 1:
-            change = 'Write such as "damping 5 %", "f 0.1 %" or "shapes 0.98".'
+            change = 'Write such as "damping 5 %", "f 0.1 %" or "shapes 0.98", with numbers between 0 and 100 %.'
             raise DataError(f"ask={ask!r}", f"{part.strip()!r} cannot be read", change)
         found[word] = limit
     return found
@@ -234,13 +245,18 @@ def _lacking(values: dict[str, RealArray], asked: dict[str, float]) -> list[Real
 
 
 def _said(what: str, value: float) -> str:
-    return f"MAC {value:.3g}" if what == "shape" else f"{what} ±{percent(value, 2)}"
+    digits = max(3, int(np.ceil(-np.log10(max(1 - value, 1e-6)))))
+    return f"MAC {value:.{digits}g}" if what == "shape" else f"{what} ±{percent(value, 2)}"
+
+
+def _mode(k: int, frequencies: RealArray, what: str, values: RealArray) -> str:
+    return f"mode {k + 1} ({frequencies[k]:.5g} Hz) {_said(what, values[k])}"
 
 
 def _order(kind: str, place: str, times: int) -> str:
     often = "once" if times == 1 else f"{times} times"
     if kind == "longer":
-        return f"every force with lines {place} apart, {often}"
+        return f"every force with longer records (lines {place} apart), {often}"
     where = f"{'sensor' if kind == 'sensor' else 'force'} at {place}"
     return f"{where}, {often} more" if kind == "repeat" else f"{where} (new), {often}"
 
@@ -263,9 +279,10 @@ class _Test:
 
     def __init__(self, result: Result) -> None:
         self.modes = modes = result.modes
+        self._heard, self._driven = len(modes.output_dofs), len(modes.input_dofs)
         responses = [diagram.response for diagram in result.diagrams]
         if any(response.ambient or not response.separable for response in responses) or modes.participation is None:
-            change = 'Give responses to forces; of records, analyze(data, route="frf").'
+            change = 'Measure the forces, too; of records with forces give analyze(data, route="frf").'
             raise DataError("next_measurement", "the data are no responses to forces that act one by one", change)
         if len(responses) != 1:
             have = f"the result has diagrams of {counted(len(responses), 'band')}"
@@ -273,11 +290,8 @@ class _Test:
         self._response = response = responses[0]
         interval = modes.interval() if len(modes) and modes.frequencies_std is not None else None
         if interval is None or not np.isfinite(interval["frequency"]).any():
-            raise DataError(
-                "next_measurement",
-                f"none of {counted(len(modes), 'mode')} has an interval",
-                "Give a result of `analyze` with refined modes.",
-            )
+            change = "Widen the band, or give a result of `analyze` with refined modes."
+            raise DataError("next_measurement", f"none of {counted(len(modes), 'mode')} has an interval", change)
         keys = {"damping": "damping_ratio", "frequency": "frequency"}
         self._widths = {what: np.diff(interval[key], axis=-1)[:, 0] / 2 for what, key in keys.items()}
         left = response.values - rebuilt(response, for_judging(response, modes))
@@ -296,7 +310,7 @@ class _Test:
         self.disagree = self._disagreeing()
         self.notes = _rests_on(result, np.isfinite(self._widths["frequency"]), known)
 
-    def _foretold(self, more: dict[_Candidate, int]) -> tuple[RealArray, RealArray]:
+    def _foretold(self, more: Mapping[_Candidate, float]) -> tuple[RealArray, RealArray]:
         """Return the deviations of frequencies (Hz) and damping ratios that noise gives."""
         told = np.einsum("oi,oiab->ab", self._weights(more), self._told)
         longer = sum(times for (kind, _), times in more.items() if kind == "longer")
@@ -308,7 +322,7 @@ class _Test:
         The widest of noise, lines and groups is stated. Where it is that of groups (outputs, inputs, channels, parts in time, runs), its
         degrees of freedom are one less than their number.
         """
-        heard, driven = len(self.modes.output_dofs), len(self.modes.input_dofs)
+        heard, driven = self._heard, self._driven
         counts = np.array([heard, driven, heard * driven, PARTS, len(set(self._response.groups or ()))])
         found = {}
         for k, what in enumerate(("frequency", "damping")):
@@ -322,6 +336,7 @@ class _Test:
         """Return shapes (L, n) and participation (n, M) of all places that are known, and whether reciprocity tells of new ones."""
         shapes, drive, points = modes.shapes, modes.known_participation("a plan"), driving_points(self._response)
         self.outputs, self.inputs, self._noise = modes.output_dofs, modes.input_dofs, noise
+        self.scatter: dict[str, float] = {}
         if not points:
             return shapes, drive, False
         o, i = np.array([(o, i) for o, i, _ in points]).T
@@ -337,8 +352,14 @@ class _Test:
         )
         self.outputs = (*self.outputs, *(self.inputs[k] for k in sensors))
         self.inputs = (*self.inputs, *(modes.output_dofs[k] for k in forces))
-        rows = np.vstack([noise, np.tile(np.exp(np.log(noise).mean(axis=0)), (len(sensors), 1))])
-        self._noise = np.hstack([rows, np.tile(np.exp(np.log(rows).mean(axis=1))[:, None], (1, len(forces)))])
+        # channels of other units say nothing of the noise at new places
+        levels, units = np.log(noise), zip(self._response.units, (o[0], i[0]), strict=True)
+        heard, driven = ([k for k, unit in enumerate(side) if unit == side[at]] for side, at in units)
+        rows = np.vstack([levels, np.tile(levels[heard].mean(axis=0), (len(sensors), 1))])
+        self._noise = np.exp(np.hstack([rows, np.tile(rows[:, driven].mean(axis=1)[:, None], (1, len(forces)))]))
+        kinds = ("force", "sensor") if self._response.exchanged else ("sensor", "force")
+        new = zip(kinds, (sensors, forces), (levels[heard], levels[:, driven].T), strict=True)
+        self.scatter = {kind: scatter_of_noise(known) for kind, places, known in new if places}
         return shapes, drive, True
 
     def candidates(self) -> list[_Candidate]:
@@ -353,9 +374,16 @@ class _Test:
     @property
     def _by_kind(self) -> tuple[tuple[tuple[str, ...], tuple[str, ...]], ...]:
         """Return measured and new places of forces, and of sensors; under a roving hammer outputs of the modes are where forces act."""
-        heard, driven = len(self.modes.output_dofs), len(self.modes.input_dofs)
-        sides = (self.inputs[:driven], self.inputs[driven:]), (self.outputs[:heard], self.outputs[heard:])
+        both = (self.inputs, self._driven), (self.outputs, self._heard)
+        sides = tuple((labels[:measured], labels[measured:]) for labels, measured in both)
         return sides[::-1] if self._response.exchanged else sides
+
+    def of_noise(self, kinds: set[str]) -> Iterator[str]:
+        """Yield what is known of the noise at new places, of steps of some kinds."""
+        if new := [scatter for kind, scatter in self.scatter.items() if kind in kinds]:
+            factor = f"from place to place it differs by a factor of {figures(np.exp(max(new)), 2)}"
+            differs = factor if np.isfinite(new).all() else "too few channels tell how it differs from place to place"
+            yield f"Noise at new places is taken as the mean of those measured: {differs}."
 
     def longer(self) -> list[_Candidate]:
         """Return records so long that lines tell the narrowest mode, where they do not; a blow then has as much more noise."""
@@ -365,14 +393,18 @@ class _Test:
         if times < 2 or grid is None:
             return []
         fine = np.linspace(grid[0], grid[-1], times * (len(grid) - 1) + 1)
-        one: dict[str, Any] = {"values": np.full((len(fine), 1, 1), 1j), "frequencies": fine, "variance": None}
+        one: dict[str, Any] = {
+            "values": np.full((len(fine), 1, 1), 1j),
+            "frequencies": fine,
+            "variance": None,
+            "coherence": None,
+        }
         light = replace(self._response.select(outputs=[0], inputs=[0]), **one)
-        known = self._residues[: len(self.modes.output_dofs), : len(self.modes.input_dofs)]
-        told = information(slopes_left(light, self.modes.poles), known)
+        told = information(slopes_left(light, self.modes.poles), self._residues[: self._heard, : self._driven])
         self._longer, self._length = told.sum(axis=(0, 1)) / times, times
         return [("longer", f"{figures(step / times)} Hz")]
 
-    def reached(self, what: str, more: dict[_Candidate, int]) -> RealArray:
+    def reached(self, what: str, more: Mapping[_Candidate, float]) -> RealArray:
         """Return what is reached with some measurements more, (n,): no more than now where disagreement rules."""
         if what == "shape":
             return self._mac(more)
@@ -386,13 +418,17 @@ class _Test:
 
     def step(self, one: _Candidate, asked: dict[str, float], may: Array) -> Step:
         """Return a candidate measured until it is enough for some modes."""
-        for times in (2**k for k in range(_MOST.bit_length())):
-            reached = {what: self.reached(what, {one: times}) for what in asked}
-            lacking = float(np.concatenate(_lacking(reached, asked))[may].max())
-            if lacking <= 1:
-                break
-        minutes = self._minutes({one: times})
-        return Step(kind=one[0], place=one[1], times=times, minutes=minutes, reached=reached, lacking=lacking)
+
+        def lacking(often: float) -> float:
+            return float(self._lacking({one: often}, asked, may).max())
+
+        kind, place = one
+        times = 1 + bisect_left(range(1, _MOST), True, key=lambda often: lacking(often) <= 1)
+        reached, minutes = {what: self.reached(what, {one: times}) for what in asked}, self._minutes({one: times})
+        # noise larger by a factor does what so many fewer measurements do, its square
+        doubt = float(np.log(lacking(times * np.exp(-2 * self.scatter.get(kind, 0))) / lacking(times)))
+        told: dict[str, Any] = {"reached": reached, "lacking": lacking(times), "uncertainty": doubt}
+        return Step(kind=kind, place=place, times=times, minutes=minutes, **told)
 
     def plan(self, every: list[_Candidate], asked: dict[str, float], may: Array) -> dict[_Candidate, int]:
         """Return how often to measure where, one measurement after the other that lowers what is lacking most per minute.
@@ -400,24 +436,20 @@ class _Test:
         What is lacking: the mean over modes of the logarithms of what exceeds what was asked.
         """
         plan: dict[_Candidate, int] = {}
-        for _ in range(_MOST * len(every)):
-            lack = self._excess(plan, asked, may)
-            if lack <= 0:
-                return dict(sorted(plan.items(), key=lambda each: every.index(each[0])))
+        while (lack := self._excess(plan, asked, may)) > 0:
             spent = self._minutes(plan)
             tried = [{**plan, each: plan.get(each, 0) + 1} for each in every if plan.get(each, 0) < _MOST]
-            plan = max(
-                tried,
-                key=lambda p: (lack - self._excess(p, asked, may)) / max(self._minutes(p) - spent, 1e-9),
-                default={},
-            )
-            if not plan:
-                break
-        return {}
+            if not tried:
+                return {}
+            paces = [(lack - self._excess(p, asked, may)) / max(self._minutes(p) - spent, 1e-9) for p in tried]
+            plan = tried[int(np.argmax(paces))]
+        return dict(sorted(plan.items(), key=lambda each: every.index(each[0])))
 
     def _excess(self, plan: dict[_Candidate, int], asked: dict[str, float], may: Array) -> float:
-        lacking = np.concatenate(_lacking({what: self.reached(what, plan) for what in asked}, asked))[may]
-        return float(np.mean(np.log(np.maximum(lacking, 1))))
+        return float(np.mean(np.log(np.maximum(self._lacking(plan, asked, may), 1))))
+
+    def _lacking(self, plan: Mapping[_Candidate, float], asked: dict[str, float], may: Array) -> RealArray:
+        return np.concatenate(_lacking({what: self.reached(what, plan) for what in asked}, asked))[may]
 
     def why(self, asked: dict[str, float], never: Array, best: dict[str, RealArray]) -> tuple[str, ...]:
         """Return which modes cannot be as sure as asked, by the reason."""
@@ -427,19 +459,20 @@ class _Test:
         for place in np.flatnonzero(never):
             what, k = list(asked)[place // len(modes)], int(place % len(modes))
             if self.disagree[what][k]:
-                why = "disagreement, not noise, rules: more places of the same kind will not help. Find its cause"
+                why = (
+                    "disagreement, not noise, rules: more places of the same kind will not help. "
+                    "Look for its cause: mass of sensors, temperature, level of force"
+                )
             elif step > half[k]:
                 why = f"lines lie {figures(step, 2)} Hz apart, further than the half bandwidth. Measure longer"
             elif self._near_node[k]:
                 why = "every place that is known is near a node. Measure at another place"
             else:
                 why = f"with {_MOST} times as many measurements. Lower the noise"
-            reasons.setdefault(why, []).append(
-                f"mode {k + 1} ({modes.frequencies[k]:.5g} Hz) {_said(what, best[what][k])}"
-            )
+            reasons.setdefault(why, []).append(_mode(k, modes.frequencies, what, best[what]))
         return tuple(f"Out of reach: {', '.join(each)}: {why}." for why, each in reasons.items())
 
-    def _minutes(self, more: dict[_Candidate, int]) -> float:
+    def _minutes(self, more: Mapping[_Candidate, float]) -> float:
         """Return how long measurements take: a line's distance tells how long one took; a new sensor needs all forces again."""
         step, averages = line_step(self._response), getattr(self._response, "averages", None) or 1
         rate = getattr(self._response, "sampling_rate", None)
@@ -449,23 +482,22 @@ class _Test:
         long = sum(times * each.get(kind, 1) for (kind, _), times in more.items())
         return float(seconds / 60 * long + sum(kind in ("force", "sensor") for kind, _ in more))
 
-    def _weights(self, more: dict[_Candidate, int]) -> RealArray:
+    def _weights(self, more: Mapping[_Candidate, float]) -> RealArray:
         """Return how often each channel is measured, (L, M)."""
-        heard, driven = len(self.modes.output_dofs), len(self.modes.input_dofs)
         weight = np.zeros(self._noise.shape)
-        weight[:heard, :driven] = 1
+        weight[: self._heard, : self._driven] = 1
         for (kind, dof), times in more.items():
             if kind == "longer":
                 continue
             if (kind == "sensor") != self._response.exchanged:
-                weight[self.outputs.index(dof), :driven] += times
+                weight[self.outputs.index(dof), : self._driven] += times
             else:
-                weight[:heard, self.inputs.index(dof)] += times
+                weight[: self._heard, self.inputs.index(dof)] += times
         return weight
 
-    def _mac(self, more: dict[_Candidate, int]) -> RealArray:
+    def _mac(self, more: Mapping[_Candidate, float]) -> RealArray:
         """Return the expected MAC of each shape with the true one: what is across it has variances that fall with sum |b|^2 / s^2."""
-        modes, heard = self.modes, len(self.modes.output_dofs)
+        modes, heard = self.modes, self._heard
         if modes.shapes_std is None or heard < 2:
             have = "shapes without deviations" if heard > 1 else "one output, whose shape is a single number"
             raise DataError("shapes were asked", f"the result has {have}", "Ask for damping or frequency.")
@@ -480,9 +512,30 @@ def _rests_on(result: Result, planned: Array, reciprocal: bool) -> tuple[str, ..
     """Return what a plan rests on."""
     open_ = [f"{f:.5g} Hz" for f in result.modes.frequencies[~planned]]
     return (
-        "Foretold for the modes of this result: those that are not seen yet are not planned for. "
-        "The noise of a new place is not known: that of the others in the mean is taken.",
+        "Foretold for the modes of this result: modes that are not detected yet are not planned for.",
         *((f"No interval, not planned for: {', '.join(open_)}.",) if open_ else ()),
         *(f"Plan for these first. {note}" for note in result.notes if note.kind == BARE),
-        *(() if reciprocal else ("No driving point was measured: what a force at a new place would do is not known.",)),
+        *(
+            ()
+            if reciprocal
+            else ("What a new place would do is not known without a driving point: measure a force at a sensor once.",)
+        ),
     )
+
+
+def scatter_of_noise(levels: RealArray) -> float:
+    """Return the standard deviation of the log noise of a new place about the mean of those measured; infinite if they do not tell it.
+
+    `levels` (places, channels of each): logarithms, log-normal from place to place. Of one place, its channels tell how noise scatters.
+    """
+    several = levels if len(levels) > 1 else levels.T
+    if several.size < _MIN_CHANNELS:
+        return np.inf
+    return float(np.sqrt(np.mean(several.var(axis=0, ddof=1))))
+
+
+def not_told_apart(values: RealArray, deviations: RealArray) -> list[int]:
+    """Return the largest of normal numbers and those that are not smaller at `TOLD_APART`: (x_1 - x_k) / sqrt(d_1^2 + d_k^2) < z."""
+    first = int(np.argmax(values))
+    near = values[first] - values < ndtri(TOLD_APART) * np.hypot(deviations, deviations[first])
+    return [first, *(int(k) for k in np.flatnonzero(near) if k != first)]

@@ -13,7 +13,7 @@ from modalscope.analysis.planning.foretold import deviations_foretold, informati
 from modalscope.data.geometry import indices_of, parse_dof
 from modalscope.data.modes import ModalModel
 from modalscope.data.responses import FrequencyResponse
-from modalscope.data.shown import counted, figures
+from modalscope.data.shown import counted, figures, percent
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, RealArray, check_count, check_kind, real_array
 from modalscope.numerics.errors import DataError, check_choice
@@ -58,11 +58,11 @@ class Placement:
     compared: dict[str, float]
 
     def __str__(self) -> str:
-        rules = ", ".join(f"by {name} +-{figures(196 * value)} %" for name, value in self.compared.items())
-        return (
-            f"Sensors: {', '.join(self.sensors)}\nForces: {', '.join(self.forces)}\n"
-            f"Largest interval of a damping ratio (95 %): +-{figures(196 * self.worst)} %; {rules}"
+        rules = ", ".join(
+            f"{figures(value / self.worst)} times that by {name}" for name, value in self.compared.items()
         )
+        worst = f"Largest interval of a damping ratio (95 %) with the given noise (1 by default): ±{percent(1.96 * self.worst)}"
+        return f"Sensors: {', '.join(self.sensors)}\nForces: {', '.join(self.forces)}\n{worst}; {rules}"
 
 
 @named()
@@ -95,7 +95,7 @@ def place(
     noise : float or array, (l,)
         Standard deviation of the noise of each place, in units of the response: only ratios count for the choice.
     keep, exclude : iterable of str
-        Places of sensors that are taken in any case, and places that cannot be reached.
+        Places of sensors that are taken in any case, and places that cannot be reached, unless they are kept.
     force_places : iterable of str, optional
         Where forces may act; by default everywhere.
     triaxial : bool
@@ -129,15 +129,13 @@ def place(
     check_count("sensors", sensors)
     check_count("forces", forces)
     problem = _Places(modes, noise)
-    groups = _groups(modes.output_dofs, list(exclude), triaxial)
-    kept = [next(g for g in groups if i in g) for i in indices_of("output", list(keep), modes.output_dofs)]
-    may = (
-        range(len(problem.labels)) if force_places is None else indices_of("output", list(force_places), problem.labels)
-    )
+    wanted = list(keep)
+    groups = _groups(modes.output_dofs, [dof for dof in exclude if dof not in wanted], triaxial)
+    stay = set(indices_of("output", wanted, modes.output_dofs))
+    kept = [group for group in groups if stay & set(group)]
+    may = indices_of("output", problem.labels if force_places is None else list(force_places), problem.labels)
     if sensors > len(groups) or forces > len(may) or len(kept) > sensors:
-        have = (
-            f"there are {counted(len(groups), 'place')} of sensors, {len(kept)} of them kept, and {len(may)} of forces"
-        )
+        have = f"there are {counted(len(groups), 'place')} of sensors, {len(kept)} kept, and {len(may)} of forces"
         raise DataError(f"sensors={sensors}, forces={forces}", have, "Ask for fewer, or exclude fewer places.")
 
     def cost(driven: Sequence[int], chosen: Sequence[tuple[int, ...]], by: str = criterion) -> float:

@@ -217,12 +217,13 @@ def next(options: argparse.Namespace) -> None:
 
     Records with forces are taken as the responses that they give.
     """
-    from modalscope.analysis.planning.next_measurement import next_measurement
+    from modalscope.analysis.planning.next_measurement import asked_of, next_measurement
     from modalscope.analysis.workflow.analyze import analyze
     from modalscope.data.response import Response
     from modalscope.data.shown import summary_of
     from modalscope.interfaces.cli.reading import choices, read_test
 
+    asked_of(options.ask)  # a wish that cannot be read is told before the work
     data, notes = read_test(options)
     given = choices(options)
     if data.input_dofs and not isinstance(data, Response) and given.get("route") is None:

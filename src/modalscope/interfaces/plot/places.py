@@ -59,16 +59,13 @@ def places_picture(found: Placement | NextMeasurement, geometry: Geometry) -> Pi
     rest = joined.coordinates @ view.matrix
     items: list[Item] = [strokes(rest[joined.lines]), Marks(rest[:, 0], rest[:, 1], "pale", size=0.4)]
     # a sensor points out of the structure, a force stands on the other side and acts along its direction
-    arrows: list[Item] = []
-    for kind, some in chosen.items():
-        arrows += _arrows(joined, view, some, kind, _ARROW * far * (1 if kind == "sensor" else -1))
-    named_at = [np.column_stack([w.x, w.y]) for w in arrows if isinstance(w, Words)]
-    reach = np.concatenate([rest, *named_at])
+    length = {"sensor": _ARROW * far, "force": -_ARROW * far}
+    arrows = [item for kind, some in chosen.items() for item in _arrows(joined, view, some, kind, length[kind])]
+    reach = np.concatenate([rest, *(np.column_stack([w.x, w.y]) for w in arrows if isinstance(w, Words))])
     low, high = reach.min(axis=0) - 0.1 * far, reach.max(axis=0) + 0.1 * far
     across, upward = (Axis("", *ends, named=()) for ends in zip(low, high, strict=True))
-    panel = Panel(
-        across, upward, [*items, *arrows, *triad(view, low, far)], "Places of sensors and forces", equal=True, bare=True
-    )
+    drawn = [*items, *arrows, *triad(view, low, far)]
+    panel = Panel(across, upward, drawn, "Places of sensors and forces", equal=True, bare=True)
     return Picture([panel], f"Places on the geometry: {', '.join(labels)}")
 
 
@@ -80,5 +77,8 @@ def _arrows(geometry: Geometry, view: View, some: list[tuple[int, str]], kind: s
     both = np.array(ends).reshape(-1, 2, 3) @ view.matrix
     tip, beyond = both[:, 1], 1.4 * both[:, 1] - 0.4 * both[:, 0]
     ink, mark = ("blue", "circle") if kind == "sensor" else ("vermillion", "triangle")
-    marks = Marks(tip[:, 0], tip[:, 1], ink, mark, f"{kind}s" if texts else "")
-    return [strokes(both, ink, 1.6), marks, Words(beyond[:, 0], beyond[:, 1], texts, ink)]
+    across, upward = (tip - both[:, 0]).T
+    # a text beside its arrow begins or ends where that ends
+    sides = np.where(np.abs(across) <= np.abs(upward), "middle", np.where(across > 0, "left", "right"))
+    words = [Words(beyond[[k], 0], beyond[[k], 1], [text], ink, str(sides[k])) for k, text in enumerate(texts)]
+    return [strokes(both, ink, 1.6), Marks(tip[:, 0], tip[:, 1], ink, mark, f"{kind}s" if texts else ""), *words]
