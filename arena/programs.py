@@ -113,8 +113,8 @@ def ready(contestant: Contestant) -> str | None:
     if stamp.is_file() and stamp.read_text("utf-8") == asked:
         return None
     shutil.rmtree(place, ignore_errors=True)
-    beside = Path(sys.executable).with_name("uv")
-    uv, python = str(beside) if beside.exists() else shutil.which("uv"), str(contestant.python)
+    beside, python = Path(sys.executable).parent, str(contestant.python)
+    uv = shutil.which("uv", path=f"{beside}{os.pathsep}{os.environ['PATH']}")
     if uv is not None:
         wrong = _run(uv, "venv", "--quiet", "--python", sys.executable, str(place)) or _run(
             uv, "pip", "install", "--quiet", "--python", python, *contestant.requires, UV_LINK_MODE="copy"
