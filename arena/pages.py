@@ -127,7 +127,9 @@ def better(scores: Told, field: str, program: str) -> str:
         x, y = (median(column) for column in zip(*known, strict=True)) if known else (0, 0)
         said += [f"median error of {words}: {x:.2g}, modalscope {y:.2g}"] if x < y else []
     return (
-        f"- **{program}**{_person(a)} on {len(names)} tests with {a['modes']} modes: {'; '.join(said)}." if said else ""
+        f"- **{program}**{_person(a)} on {_many(len(names), 'test')} with {_many(a['modes'], 'mode')}: {'; '.join(said)}."
+        if said
+        else ""
     )
 
 
@@ -196,7 +198,11 @@ def in_short(each: Told) -> str:
 
 def _person(t: Told) -> str:
     """Return how many numbers a person gave, in brackets, or nothing."""
-    return f" ({t['human']} number{'s'[: t['human'] > 1]} by a person)" if t["human"] else ""
+    return f" ({_many(t['human'], 'number')} by a person)" if t["human"] else ""
+
+
+def _many(count: int, what: str) -> str:
+    return f"{count} {what}{'s'[: count != 1]}"
 
 
 def contestants_page(scores: Told) -> str:

@@ -30,7 +30,7 @@ def draw(one: ArenaSet, entry: dict[str, Any], path: Path) -> None:
             low.plot(f, [row] * len(f), marker, color=colour, markersize=6)
     for f in entry["known"] if entry["scored"] else []:
         low.axvline(f, color="C2", linewidth=0.5, alpha=0.4)
-    low.set(yticks=range(len(runs)), ylim=(len(runs) - 0.5, -0.5), xlim=limits, xlabel="frequency [Hz]")
+    low.set(yticks=range(len(runs)), ylim=(max(len(runs), 1) - 0.5, -0.5), xlim=limits, xlabel="frequency [Hz]")
     low.set_yticklabels(list(runs), fontsize=7)
     handles = [
         plt.Line2D([], [], linestyle="", marker=marker, color=colour, label=kind.replace("other", "not known"))

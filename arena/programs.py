@@ -91,7 +91,8 @@ def all_contestants() -> dict[str, Contestant]:
         found += [Contestant(name, what, *told) for name, what in module.VARIANTS.items()]
     for path in sorted(HANDED.glob("*/program.toml")):
         about = tomllib.loads(path.read_text("utf-8"))
-        found.append(Contestant(about["name"], about["what"], about["settings"], path.parent, (), ()))
+        handed = (f"{about['name']}, handed in",)
+        found.append(Contestant(about["name"], about["what"], about["settings"], path.parent, handed, ()))
     return {each.name: each for each in sorted(found, key=lambda each: (each.name != "modalscope", each.name.lower()))}
 
 

@@ -148,6 +148,8 @@ def main(arguments: list[str] | None = None) -> None:
     scores["sets"] = {name: entry for name, entry in scores.get("sets", {}).items() if name in all_sets()}
     contestants = [c for c in all_contestants().values() if asked.program.lower() in c.name.lower()]
     sets = [s for s in all_sets().values() if asked.set in s.name and asked.field in ("", s.about["field"])]
+    if not (contestants and sets):
+        parser.error("no test or no program has such a name: arena/sets/*.toml, and VARIANTS in arena/contestants/*.py")
     sets.sort(key=lambda one: not one.scored)  # what counts first
     if asked.store is not None:
         print(*(stored(one, *one.read(), asked.store) for one in sets), sep="\n")

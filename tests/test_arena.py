@@ -223,7 +223,11 @@ def test_a_stranger_adds_a_test_a_program_and_a_list_from_the_page_alone(arena: 
     (arena / "handed" / "artemis" / "program.toml").write_text(handed)
     (arena / "handed" / "artemis" / "my_beam.csv").write_text(modes)
     assert len((test + reader).splitlines()) <= 40
-    run.main(["--no-pictures"])
+    (asked,) = re.findall(r"make arena SET=(my_beam) PROGRAM=(\w+)", (DOCS / "add.md").read_text("utf-8"))
+    for name in (asked[1], "ARTeMIS"):
+        run.main(["--set", asked[0], "--program", name, "--no-pictures"])
+    with pytest.raises(SystemExit):
+        run.main(["--program", "nobody"])
     first = (arena / "scores.json").read_text("utf-8")
     told = json.loads(first)
     peaks, theirs = (told["totals"]["decay"][name] for name in ("peaks", "ARTeMIS"))
