@@ -114,11 +114,8 @@ def _entry(one: ArenaSet, reference: Reference) -> dict[str, Any]:
     entry |= {"reference": reference.kind, "by": told["by"], "complete": reference.complete, "scored": one.scored}
     entry |= {"tolerance": told.get("tolerance", ""), "remark": told.get("remark", "")}
     bound = () if reference.bound is None else reference.bound.T
-    return entry | {
-        "known": known,
-        "known_damping": damping,
-        "bound": [[rounded(x, 4) for x in of_mode] for of_mode in bound],
-    }
+    entry |= {"known": known, "known_damping": damping}
+    return entry | {"bound": [[rounded(x, 4) for x in of_mode] for of_mode in bound]}
 
 
 def tried(one: ArenaSet, contestants: Iterable[Contestant]) -> tuple[dict[str, Any], dict[str, Any]]:
