@@ -51,13 +51,22 @@ def stored(one: ArenaSet, data: Any, reference: Reference, folder: Path | None =
     return path
 
 
-def outcome(contestant: Contestant, one: ArenaSet, data: Path) -> dict[str, Any]:
-    """Return what a program gives on a set: from an earlier run where nothing changed, else from a new one."""
+def _digest(path: Path) -> str:
+    """Return the digest of what programs are given, whichever way it was made; the file itself holds the time."""
+    digest = hashlib.sha256()
+    with np.load(path) as held:
+        for name in held.files:
+            digest.update(f"{name} {held[name].shape} ".encode() + held[name].tobytes())
+    return digest.hexdigest()
+
+
+def outcome(contestant: Contestant, one: ArenaSet, data: Path, digest: str) -> dict[str, Any]:
+    """Return what a program gives on a set: from an earlier run where neither it nor the data changed, else from a new one."""
     if contestant.path.is_dir():
         return _handed(contestant, one)
     if one.about["kind"] not in contestant.takes:
         return {"status": "cannot", "text": f"not made for {one.about['kind']}", "human": 0}
-    key = hashlib.sha256("\n".join((contestant.name, contestant.code(), one.code())).encode()).hexdigest()
+    key = hashlib.sha256("\n".join((contestant.name, contestant.code(), digest)).encode()).hexdigest()
     kept = PLACE / "runs" / one.name / f"{contestant.name.replace(' ', '_')}.json"
     if kept.is_file() and (found := json.loads(kept.read_text("utf-8")))["key"] == key:
         return dict(found)
@@ -122,7 +131,8 @@ def tried(one: ArenaSet, contestants: Iterable[Contestant]) -> tuple[dict[str, A
     """Return the entry of a set with all runs judged, and what they cost."""
     data, reference = one.read()
     entry, path = _entry(one, reference), stored(one, data, reference)
-    runs = {contestant.name: outcome(contestant, one, path) for contestant in contestants}
+    digest = _digest(path)
+    runs = {contestant.name: outcome(contestant, one, path, digest) for contestant in contestants}
     path.unlink()
     labels = getattr(data, "output_dofs", ())
     entry["results"] = {name: judged(reference, labels, one.band, run) for name, run in runs.items()}

@@ -7,8 +7,6 @@ and returns data of modalscope; a simulated one returns the modes, too, and the 
 from __future__ import annotations
 
 import hashlib
-import inspect
-import json
 import os
 import tomllib
 from dataclasses import dataclass
@@ -34,9 +32,6 @@ FIELDS = ("hammer", "shaker", "ambient", "decay", "earthquake", "setups", "month
 
 #: Who says what the modes are: nature's own answer, their authors' print, other programs', or nobody. The first two are scored.
 SCORED, UNSCORED = ("exact", "published"), ("computed", "none")
-
-#: What of a set's file decides what a program is given.
-_DECIDES = ("kind", "read", "files", "options", "band", "decimate", "start")
 
 
 class Missing(Exception):
@@ -128,13 +123,6 @@ class ArenaSet:
             complete=told.get("complete", False),
             bound=bound,
         )
-
-    def code(self) -> str:
-        """Return the text that decides what programs are given, for the key of a run."""
-        own, told = HERE / f"{self.name}.py", self.about["reference"]
-        text = json.dumps([self.about.get(name) for name in _DECIDES] + [told.get("frequencies")])
-        reader = own.read_text("utf-8") if own.is_file() else inspect.getsource(getattr(readers, self.about["read"]))
-        return text + reader
 
 
 @cache
