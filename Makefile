@@ -167,8 +167,10 @@ bench: setup
 		$(SINGLE) $(QUIET_PLOTS) $(BIN)/python -m benchmarks.$$name || exit 1; \
 	done
 
-# Other programs live in environments of their own under build/arena; a run that is there and has not changed is not done again.
+# Other programs live in environments of their own under build/arena; a run that is there and has not changed is not done again. One test
+# is a .tdms file, whose reader is under the LGPL and so no part of the others.
 arena: setup
+	$(call install,tdms)
 	@$(BIN)/python -m arena.run $(if $(FIELD),--field "$(FIELD)") $(if $(PROGRAM),--program "$(PROGRAM)") $(if $(SET),--set "$(SET)")
 
 # WORD="selection and not narrow" tries those with such a subject or name.

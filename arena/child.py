@@ -56,13 +56,29 @@ class Test:
         """Return what a person finds out for the program, and count the numbers.
 
         "frequencies": those of all known modes, to three digits, as read from a chart; "lowest frequency"; "modes": how many there are;
-        "decimation": the factor of the rate, which is not counted where it is one.
+        "decimation", a factor of the rate, and "start", the second at which a decay begins, are not counted where nothing is to be done.
         """
         value = self._answers[what]
         if value is None:
             raise CannotError(f"a person would have to find {what}, and nobody knows it here")
-        self.told += len(value) if isinstance(value, list) else int(what != "decimation" or value > 1)
+        idle = {"decimation": 1, "start": 0}
+        self.told += len(value) if isinstance(value, list) else int(value != idle.get(what))
         return value
+
+    def slower(self, outputs):
+        """Return outputs from where a decay begins on, at the rate that a person lowers theirs to, and that rate."""
+        from scipy.signal import decimate
+
+        later, q = outputs[round(self.human("start") * self.sampling_rate) :], self.human("decimation")
+        return (later if q == 1 else decimate(later, q, axis=0, ftype="fir")), self.sampling_rate / q
+
+
+def modes_of(A, C, rate):
+    """Return what a contestant returns of the modes of a discrete state space model."""
+    z, vectors = np.linalg.eig(A)
+    kept = z.imag > 0
+    s = np.log(z[kept]) * rate
+    return {"frequencies": abs(s) / 2 / np.pi, "damping_ratios": -s.real / abs(s), "shapes": (C @ vectors)[:, kept]}
 
 
 def loaded(path: str):
@@ -75,23 +91,18 @@ def loaded(path: str):
 
 def limited() -> None:
     """Let the system end a program that takes too much, where it can."""
-    try:
+    with contextlib.suppress(ImportError):
         import resource
-    except ImportError:
-        return
-    resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS + 5))
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+
+        resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS + 5))
+        resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
 
 
 def peak() -> float:
     """Return the largest resident size so far in megabytes, 0 where the system tells none."""
     status = Path("/proc/self/status")
-    line = (
-        next((line for line in status.read_text().splitlines() if line.startswith("VmHWM")), None)
-        if status.exists()
-        else None
-    )
-    return 0.0 if line is None else int(line.split()[1]) / 1e3
+    told = re.search(r"VmHWM:\s*(\d+)", status.read_text()) if status.exists() else None
+    return int(told[1]) / 1e3 if told else 0.0
 
 
 def columns(found: dict) -> dict:
@@ -120,7 +131,8 @@ def main() -> None:
         warnings.simplefilter("ignore")
         try:
             module = loaded(program)
-            answer["versions"] = [f"{name} {importlib.metadata.version(name)}" for name in map(_name, module.REQUIRES)]
+            names = [re.split(r"[=<>!~ \[]", each)[0] for each in module.REQUIRES]
+            answer["versions"] = [f"{name} {importlib.metadata.version(name)}" for name in names]
             began = time.process_time()
             found = module.run(test, variant)
             answer |= {"cpu": time.process_time() - began, "memory": peak() - start, **columns(found)}
@@ -133,10 +145,6 @@ def main() -> None:
             answer = {"status": "failed", "text": said[:200]}
     answer["human"] = test.told
     Path(result).write_text(json.dumps(answer))
-
-
-def _name(requirement: str) -> str:
-    return re.split(r"[=<>!~ \[]", requirement)[0]
 
 
 if __name__ == "__main__":

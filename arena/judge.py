@@ -16,8 +16,7 @@ from typing import Any
 import modalscope as ms
 from arena.pages import OURS, SCORES
 from arena.programs import all_contestants
-from arena.run import outcome, stored
-from arena.scores import judged
+from arena.run import tried
 from arena.sets import Missing, all_sets
 
 __all__ = ["chance", "changes", "fallen"]
@@ -84,15 +83,10 @@ def main(arguments: list[str] | None = None) -> int:
     now = {}
     for name in before:
         try:
-            one = all_sets()[name]
-            data, reference = one.read()
-            path = stored(one, data, reference)
-            run = outcome(all_contestants()[OURS], one, path)
-            path.unlink()
+            now[name] = tried(all_sets()[name], [all_contestants()[OURS]])[0]["results"][OURS]
         except (Missing, ms.DataError) as missing:
             print(f"{name}: left out: {missing}", flush=True)
             continue
-        now[name] = judged(reference, getattr(data, "output_dofs", ()), one.band, run)
         if (then := _listed(before[name])) != (today := _listed(now[name])):
             print(f"{name}:\n  {then}\n  {today}", flush=True)
     said = fallen(before, now)

@@ -46,19 +46,12 @@ def with_totals(scores: Told) -> Told:
         n: {"what": c.what, "settings": c.source, "requires": list(c.requires)} for n, c in all_contestants().items()
     }
     found = {f: {p: totals(runs_of(scores, p, scored_in(scores, f))) for p in programs} for f in FIELDS}
-    found = {f: {p: t for p, t in each.items() if t["sets"]} for f, each in found.items()}
-    sets = {n: _in_order(scores["sets"][n], programs) for n in sorted(scores["sets"])}
-    return {
-        "schema": "scores.schema.json",
-        "programs": programs,
-        "totals": {f: t for f, t in found.items() if t},
-        "sets": sets,
-    }
-
-
-def _in_order(entry: Told, programs: Iterable[str]) -> Told:
-    """Return the entry of a set with the runs of those who take part, in their order."""
-    return entry | {"results": {p: entry["results"][p] for p in programs if p in entry["results"]}}
+    found = {f: there for f, each in found.items() if (there := {p: t for p, t in each.items() if t["sets"]})}
+    sets = {}
+    for name, entry in sorted(scores["sets"].items()):
+        runs = entry["results"]
+        sets[name] = entry | {"results": {p: runs[p] for p in programs if p in runs}}
+    return {"schema": "scores.schema.json", "programs": programs, "totals": found, "sets": sets}
 
 
 def _of(hits: int, count: int, ends: list[float] | None = None) -> str:
@@ -71,11 +64,16 @@ def _number(x: float | None, scale: float = 1.0) -> str:
     return "-" if x is None else f"{scale * x:.3g}"
 
 
-def table(head: str, rows: Iterable[Iterable[str]]) -> list[str]:
-    """Return the lines of a table; the names of its columns are separated by semicolons."""
+def table(head: str, rows: Iterable[Iterable[str]]) -> str:
+    """Return a table; the names of its columns are separated by semicolons."""
     columns = head.split("; ")
     lines = [columns, ["---"] * len(columns), *([cell.replace("|", "/") for cell in row] for row in rows)]
-    return [f"| {' | '.join(line)} |" for line in lines]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def page(*blocks: str) -> str:
+    """Return a page of headings, paragraphs, lists and tables."""
+    return "\n\n".join(block for block in blocks if block) + "\n"
 
 
 _HEAD = (
@@ -128,8 +126,11 @@ def better(scores: Told, field: str, program: str) -> str:
         known = [(x[key], y[key]) for x, y in pairs if key in x and key in y]
         x, y = (median(column) for column in zip(*known, strict=True)) if known else (0, 0)
         said += [f"median error of {words}: {x:.2g}, modalscope {y:.2g}"] if x < y else []
-    person = f", told {a['human']} number{'s'[: a['human'] > 1]} by a person," if a["human"] else ""
-    return f"- **{program}**{person} on {len(names)} tests with {a['modes']} modes: {'; '.join(said)}." if said else ""
+    return (
+        f"- **{program}**{_person(a)} on {_many(len(names), 'test')} with {_many(a['modes'], 'mode')}: {'; '.join(said)}."
+        if said
+        else ""
+    )
 
 
 def _both_found(results: Told, program: str) -> list[tuple[Told, Told]]:
@@ -144,11 +145,12 @@ _TOP = """# The arena
 [The rules](rules.md), [the contestants](contestants.md), [times and memory](times.md),
 [how to add a test, a program or a list of modes](add.md).
 
-Which program for your test? Find its kind below. **Found** and **false** come first, then **wrong without a word**.
-`make arena` measures all of it again, `make arena FIELD=ambient PROGRAM=koma` a part.
+Which program for your test? Go to its kind: {kinds}.
+Ambient is wind or traffic without a measured force; setups are several such records, between which sensors move. The first line there
+names the programs that reported nothing false or twice; the table tells the errors, and how often a program was
+**wrong without a word**. `make arena` measures all of it again, `make arena FIELD=ambient PROGRAM=koma` a part.
 
-## Where modalscope is worst
-"""
+## Where modalscope is worst"""
 
 
 def index(scores: Told) -> str:
@@ -157,61 +159,57 @@ def index(scores: Told) -> str:
     counts = {"variants": len(scores["programs"]), "sets": len(sets), "scored": sum(s["scored"] for s in sets.values())}
     counts["programs"] = len({tuple(p["requires"]) for p in scores["programs"].values()})
     counts["measured"] = sum("(simulated)" not in s["title"] for s in sets.values())
-    lines = [_TOP.format(**counts)]
-    for name, t in worst(scores):
-        said = f"{t['found']} of {t['modes']} found, {t['false']} false, {t['twice']} twice"
-        lines.append(
-            f"- [{sets[name]['title']}](sets/{name}.md): {said}, {t['wrong_without_a_word']} wrong without a word."
-        )
-    lines += [
-        "",
-        "## What others do better",
-        "",
-        "On the scored tests of a field that both did; errors on the modes that both found.",
-        "",
+    kinds = ", ".join(f"[{field}](#{field.replace(' ', '-')})" for field in fields)
+    bad = [
+        f"- [{sets[name]['title']}](sets/{name}.md): {t['found']} of {t['modes']} found, {t['false']} false, "
+        f"{t['twice']} twice, {t['wrong_without_a_word']} wrong without a word."
+        for name, t in worst(scores)
     ]
+    blocks = [_TOP.format(kinds=kinds, **counts), "\n".join(bad), "## What others do better"]
+    blocks.append("On the scored tests of a field that both did; errors on the modes that both found.")
     for field in fields:
-        others = [p for p in fields[field] if p != OURS and not p.startswith("row ")]
-        said = [text for p in others if (text := better(scores, field, p))]
-        lines += [f"**{field.capitalize()}**", "", *(said or ["- Nothing that is scored here."]), ""]
+        said = "\n".join(text for p in fields[field] if not _ours(p) and (text := better(scores, field, p)))
+        blocks += [f"**{field.capitalize()}**", said or "- Nothing that is scored here."]
     for field, each in fields.items():
         links = ", ".join(f"[{n}](sets/{n}.md)" for n in scored_in(scores, field))
-        lines += [
-            f"## {field.capitalize()}",
-            "",
-            f"Tests: {links}.",
-            "",
-            *table(_HEAD, (row_of(p, t) for p, t in each.items())),
-            "",
-        ]
-    lines += [
+        rows = (row_of(p, t) for p, t in each.items())
+        blocks += [f"## {field.capitalize()}", f"{in_short(each)}\n\nTests: {links}.", table(_HEAD, rows)]
+    blocks += [
         "## Tests without a published reference",
-        "",
         "They are not scored; their pages list what every program finds.",
-        "",
     ]
-    lines += [f"- [{s['title']}](sets/{n}.md): {s['by']}." for n, s in sets.items() if not s["scored"]]
-    hidden = [
-        "```{toctree}",
-        ":hidden:",
-        "",
-        "rules",
-        "contestants",
-        "times",
-        "add",
-        *(f"sets/{n}" for n in sets),
-        "```",
-    ]
-    return "\n".join([*lines, "", *hidden, ""])
+    blocks.append("\n".join(f"- [{s['title']}](sets/{n}.md): {s['by']}." for n, s in sets.items() if not s["scored"]))
+    hidden = ["rules", "contestants", "times", "add", *(f"sets/{n}" for n in sets)]
+    return page(*blocks, "\n".join(["```{toctree}", ":hidden:", "", *hidden, "```"]))
+
+
+def _ours(program: str) -> bool:
+    """Tell modalscope and single rows of its table from other programs."""
+    return program == OURS or program.startswith("row ")
+
+
+def in_short(each: Told) -> str:
+    """Return who found modes in a field with none false or twice, the most first; single rows of our table left out."""
+    clean = [(p, t) for p, t in each.items() if t["found"] and not t["false"] + t["twice"]]
+    clean.sort(key=lambda one: (-one[1]["found"] / one[1]["modes"], one[1]["human"]))
+    told = [f"{p} found {t['found']} of {t['modes']}{_person(t)}" for p, t in clean if p == OURS or not _ours(p)]
+    return f"Nothing false or twice: {'; '.join(told)}." if told else "No program found modes with none false or twice."
+
+
+def _person(t: Told) -> str:
+    """Return how many numbers a person gave, in brackets, or nothing."""
+    return f" ({_many(t['human'], 'number')} by a person)" if t["human"] else ""
+
+
+def _many(count: int, what: str) -> str:
+    return f"{count} {what}{'s'[: count != 1]}"
 
 
 def contestants_page(scores: Told) -> str:
     """Return the page that says who takes part, with which settings and versions."""
-    rows = (
-        [name, p["what"], p["settings"], ", ".join(p["requires"]) or "this one"]
-        for name, p in scores["programs"].items()
-    )
-    return "\n".join(["# Contestants", "", *table("contestant; what it does; settings from; versions", rows), ""])
+    told = scores["programs"].items()
+    rows = ([name, p["what"], p["settings"], ", ".join(p["requires"]) or "this one"] for name, p in told)
+    return page("# Contestants", table("contestant; what it does; settings from; versions", rows))
 
 
 def _list(values: list[float]) -> str:
@@ -227,15 +225,9 @@ def set_page(name: str, s: Told) -> str:
     """Return the page of a set."""
     pairs = zip(s["known"], s["known_damping"], strict=True)
     known = ", ".join(f"{f:.6g}" + ("" if z is None else f" ({100 * z:.3g} %)") for f, z in pairs)
-    lines = [
-        f"# {s['title']}",
-        "",
-        f"Field: {s['field']}. Source: {s['source']}. Licence: {s['licence']}. Cite: {s['citation']}.",
-        "",
-    ]
-    lines += [f"**{_KNOWN[s['reference']]}**: {s['by']}." + (f" {known} Hz." if known else ""), ""]
-    lines += [f"{key.capitalize()}: {s[key]}.\n" for key in ("tolerance", "remark") if s[key]]
-    lines += [f"![All lists over one stabilization diagram](../pictures/{name}.png)", ""]
+    said = [f"Field: {s['field']}. Source: {s['source']}. Licence: {s['licence']}. Cite: {s['citation']}."]
+    said.append(f"**{_KNOWN[s['reference']]}**: {s['by']}." + (f" {known} Hz." if known else ""))
+    said += [f"{key.capitalize()}: {s[key]}." for key in ("tolerance", "remark") if s[key]]
     rows = []
     for program, run in s["results"].items():
         if run["status"] == "done":
@@ -244,19 +236,14 @@ def set_page(name: str, s: Told) -> str:
             rows.append([program, _of(len(kinds[0]), len(s["known"])), *map(_list, kinds), marked])
         elif run["status"] != "cannot":
             rows.append([program, run["status"], run["text"], "", "", "", ""])
-    return "\n".join(
-        [*lines, *table("program; found; found [Hz]; false [Hz]; twice [Hz]; not known [Hz]; marked unsure", rows), ""]
-    )
+    lists = table("program; found; found [Hz]; false [Hz]; twice [Hz]; not known [Hz]; marked unsure", rows)
+    return page(f"# {s['title']}", *said, f"![All lists over one stabilization diagram](../pictures/{name}.png)", lists)
 
 
 def times_page(scores: Told, times: Told) -> str:
     """Return the page of CPU seconds and memory."""
-    lines = [
-        "# Times and memory",
-        "",
-        "CPU seconds and megabytes above the data, one thread each, over the tests of a field.",
-        "",
-    ]
+    blocks = ["# Times and memory"]
+    blocks.append("CPU seconds and megabytes above the data, one thread each, over the tests of a field.")
     for field in FIELDS:
         names, rows = [n for n, s in scores["sets"].items() if s["field"] == field], []
         for program in scores["programs"]:
@@ -264,13 +251,8 @@ def times_page(scores: Told, times: Told) -> str:
                 cpu, memory = ([each[key] for each in spent] for key in ("cpu", "memory"))
                 rows.append([program, str(len(spent)), f"{median(cpu):.3g}", f"{max(cpu):.3g}", f"{max(memory):.0f}"])
         if rows:
-            lines += [
-                f"## {field.capitalize()}",
-                "",
-                *table("program; tests; median CPU s; largest; largest MB", rows),
-                "",
-            ]
-    return "\n".join(lines)
+            blocks += [f"## {field.capitalize()}", table("program; tests; median CPU s; largest; largest MB", rows)]
+    return page(*blocks)
 
 
 def package(one: ArenaSet, entry: Told) -> Told:
@@ -303,17 +285,14 @@ def written(value: Any) -> str:
 def write(scores: Told, times: Told) -> None:
     """Write the scores, the times, the pages and the data packages."""
     scores = with_totals(scores)
-    texts = {SCORES: written(scores), TIMES: written({name: times[name] for name in sorted(times)})}
-    texts |= {
-        DOCS / "index.md": index(scores),
-        DOCS / "contestants.md": contestants_page(scores),
-        DOCS / "times.md": times_page(scores, times),
-    }
+    texts = {SCORES: written(scores) + "\n", TIMES: written(dict(sorted(times.items()))) + "\n"}
+    texts[DOCS / "index.md"] = index(scores)
+    texts[DOCS / "contestants.md"] = contestants_page(scores)
+    texts[DOCS / "times.md"] = times_page(scores, times)
     for name, entry in scores["sets"].items():
         texts[DOCS / "sets" / f"{name}.md"] = set_page(name, entry)
-        if name in all_sets():
-            told = json.dumps(package(all_sets()[name], entry), indent=1, ensure_ascii=False)
-            texts[SETS / f"{name}.datapackage.json"] = told
+        told = package(all_sets()[name], entry)
+        texts[SETS / f"{name}.datapackage.json"] = json.dumps(told, indent=1, ensure_ascii=False) + "\n"
     for path, text in texts.items():
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text.rstrip("\n") + "\n", "utf-8")
+        path.write_text(text, "utf-8")

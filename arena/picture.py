@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import matplotlib.pyplot as plt
+import numpy as np
 from PIL import Image
 
 import modalscope as ms
@@ -24,19 +25,17 @@ def draw(one: ArenaSet, entry: dict[str, Any], path: Path) -> None:
     low_height = 0.5 + 0.17 * len(runs)
     figure, (top, low) = plt.subplots(2, 1, figsize=(9, 3.4 + low_height), height_ratios=(2.6, low_height), sharex=True)
     limits = _diagram(one, top)
-    for row, run in enumerate(runs.values()):
-        for kind, (marker, colour) in _MARKS.items():
-            f = [mode["f"] for mode in run["modes"] if mode["is"] == kind]
-            low.plot(f, [row] * len(f), marker, color=colour, markersize=6)
     for f in entry["known"] if entry["scored"] else []:
-        low.axvline(f, color="C2", linewidth=0.5, alpha=0.4)
-    low.set(yticks=range(len(runs)), ylim=(len(runs) - 0.5, -0.5), xlim=limits, xlabel="frequency [Hz]")
+        low.axvline(f, color="0.7", linewidth=0.5, zorder=0)
+    for kind, (marker, colour) in _MARKS.items():
+        each = [
+            (mode["f"], row) for row, run in enumerate(runs.values()) for mode in run["modes"] if mode["is"] == kind
+        ]
+        label = kind.replace("other", "not known")
+        low.plot(*np.reshape(each, (-1, 2)).T, marker, color=colour, markersize=6, markeredgewidth=1.5, label=label)
+    low.set(yticks=range(len(runs)), ylim=(max(len(runs), 1) - 0.5, -0.5), xlim=limits, xlabel="frequency [Hz]")
     low.set_yticklabels(list(runs), fontsize=7)
-    handles = [
-        plt.Line2D([], [], linestyle="", marker=marker, color=colour, label=kind.replace("other", "not known"))
-        for kind, (marker, colour) in _MARKS.items()
-    ]
-    figure.legend(handles=handles, fontsize=7, ncols=4, loc="lower right")
+    figure.legend(*low.get_legend_handles_labels(), fontsize=7, ncols=4, loc="lower right")
     figure.subplots_adjust(left=0.14, right=0.92, top=0.97, bottom=0.45 / (3.4 + low_height) + 0.03, hspace=0.12)
     path.parent.mkdir(parents=True, exist_ok=True)
     with io.BytesIO() as held:

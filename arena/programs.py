@@ -91,7 +91,8 @@ def all_contestants() -> dict[str, Contestant]:
         found += [Contestant(name, what, *told) for name, what in module.VARIANTS.items()]
     for path in sorted(HANDED.glob("*/program.toml")):
         about = tomllib.loads(path.read_text("utf-8"))
-        found.append(Contestant(about["name"], about["what"], about["settings"], path.parent, (), ()))
+        handed = (f"{about['name']}, handed in",)
+        found.append(Contestant(about["name"], about["what"], about["settings"], path.parent, handed, ()))
     return {each.name: each for each in sorted(found, key=lambda each: (each.name != "modalscope", each.name.lower()))}
 
 
@@ -113,8 +114,8 @@ def ready(contestant: Contestant) -> str | None:
     if stamp.is_file() and stamp.read_text("utf-8") == asked:
         return None
     shutil.rmtree(place, ignore_errors=True)
-    beside = Path(sys.executable).with_name("uv")
-    uv, python = str(beside) if beside.exists() else shutil.which("uv"), str(contestant.python)
+    beside, python = Path(sys.executable).parent, str(contestant.python)
+    uv = shutil.which("uv", path=f"{beside}{os.pathsep}{os.environ['PATH']}")
     if uv is not None:
         wrong = _run(uv, "venv", "--quiet", "--python", sys.executable, str(place)) or _run(
             uv, "pip", "install", "--quiet", "--python", python, *contestant.requires, UV_LINK_MODE="copy"

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from statistics import median
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,8 @@ from scipy.optimize import linear_sum_assignment
 from arena.sets import Reference
 
 __all__ = ["judged", "share", "totals", "wilson"]
+
+Told = dict[str, Any]
 
 #: The least MAC of a mode with itself.
 _ALIKE = 0.8
@@ -49,9 +52,7 @@ def _mac(found: np.ndarray, reference: Reference) -> np.ndarray:
     return told / np.maximum(np.sum(abs(found) ** 2, axis=0), 1e-300)[:, None]
 
 
-def judged(
-    reference: Reference, labels: Sequence[str], band: tuple[float, float] | None, run: dict[str, Any]
-) -> dict[str, Any]:
+def judged(reference: Reference, labels: Sequence[str], band: tuple[float, float] | None, run: Told) -> Told:
     """Return a run with the verdict on every mode and their counts.
 
     Parameters
@@ -69,23 +70,28 @@ def judged(
     f = np.array(run["frequencies"], float)
     order = [i for i in np.argsort(f, kind="stable") if band is None or band[0] <= f[i] <= band[1]]
     shapes = _shapes(run, order, labels)
-    f, zeta = f[order], np.array([math.nan if x is None else x for x in run["damping_ratios"]], float)[order]
-    far = abs(f[:, None] - reference.frequencies) / np.maximum(reference.reach, 1e-300)
-    fits = far <= 1
-    mac = np.full(far.shape, np.nan)
+    far = abs(f[order, None] - reference.frequencies) / np.maximum(reference.reach, 1e-300)
+    fits, mac = far <= 1, np.full(far.shape, np.nan)
     if reference.shapes is not None and shapes is not None and shapes.shape[0] == reference.shapes.shape[0] > 1:
         mac = _mac(shapes, reference)
         fits &= mac > _ALIKE
-    pairs = {}
-    if fits.size:
-        rows, columns = linear_sum_assignment(np.where(fits, far - 10, 0))
-        pairs = {int(i): int(k) for i, k in zip(rows, columns, strict=True) if fits[i, k]}
-    modes = [_mode(i, f, zeta, mac, fits, pairs, reference, run, order) for i in range(len(f))]
+    rows, columns = linear_sum_assignment(np.where(fits, far - 10, 0))
+    pairs = {i: k for i, k in zip(rows, columns, strict=True) if fits[i, k]}
+    modes = []
+    for row, i in enumerate(order):
+        told = _said(run, i)
+        if (k := pairs.get(row)) is None:
+            told["is"] = "twice" if fits[row].any() else "false" if reference.complete else "other"
+            told["wrong"] = told["is"] != "other"
+        else:
+            zeta = math.nan if run["damping_ratios"][i] is None else run["damping_ratios"][i]
+            told |= _found(told, f[i], zeta, mac[row, k], reference, k)
+        modes.append(told)
     told = {"status": "done", "human": run["human"], "versions": run.get("versions", []), "modes": modes}
     return told | {"missed": [rounded(x) for k, x in enumerate(reference.frequencies) if k not in pairs.values()]}
 
 
-def _shapes(run: dict[str, Any], order: list[int], labels: Sequence[str]) -> np.ndarray | None:
+def _shapes(run: Told, order: list[int], labels: Sequence[str]) -> np.ndarray | None:
     """Return the shapes of a run (l, n) on the rows of the known ones, where it has any; NaN as zero."""
     if not run.get("shapes_real"):
         return None
@@ -97,51 +103,37 @@ def _shapes(run: dict[str, Any], order: list[int], labels: Sequence[str]) -> np.
     return found
 
 
-def _mode(
-    i: int,
-    f: np.ndarray,
-    zeta: np.ndarray,
-    mac: np.ndarray,
-    fits: np.ndarray,
-    pairs: dict[int, int],
-    reference: Reference,
-    run: dict[str, Any],
-    order: list[int],
-) -> dict[str, Any]:
-    """Return one mode: its values, what it is, and how far off."""
-    told: dict[str, Any] = {"f": rounded(f[i]), "zeta": rounded(zeta[i])}
+def _said(run: Told, i: int) -> Told:
+    """Return what a program says of one mode."""
+    told = {"f": rounded(run["frequencies"][i]), "zeta": rounded(run["damping_ratios"][i])}
     for name, key in (("frequency_interval", "f_ends"), ("damping_interval", "zeta_ends")):
-        ends = run.get(name)
-        if ends is not None and all(x is not None for x in ends[order[i]]):
-            told[key] = [rounded(x) for x in ends[order[i]]]
-    told["marked"] = bool(run["marked"][order[i]]) if "marked" in run else False
-    k = pairs.get(i)
-    if k is None:
-        told["is"] = "twice" if fits.size and fits[i].any() else "false" if reference.complete else "other"
-        told["wrong"] = told["is"] != "other"
-        return told
+        if name in run and None not in (ends := run[name][i]):
+            told[key] = [rounded(x) for x in ends]
+    return told | {"marked": bool(run["marked"][i]) if "marked" in run else False}
+
+
+def _found(told: Told, f: float, zeta: float, mac: float, reference: Reference, k: int) -> Told:
+    """Return how far a mode is off the known one k, and whether its intervals hold that."""
     known = {"f": reference.frequencies[k], "zeta": reference.damping[k]}
-    exact = reference.kind == "exact" and not math.isfinite(reference.tolerance[k])
-    told |= {
-        "is": "found",
-        "known": rounded(known["f"]),
-        "f_error": rounded(abs(f[i] - known["f"]) / reference.reach[k], 4),
-    }
-    if math.isfinite(reference.tolerance[k]):
-        told["f_within"] = bool(abs(f[i] - known["f"]) <= reference.tolerance[k])
-    if math.isfinite(known["zeta"]) and math.isfinite(zeta[i]):
-        told["zeta_error"] = rounded(abs(zeta[i] / known["zeta"] - 1), 4)
-    if math.isfinite(mac[i, k]):
-        told["shape_error"] = rounded(max(1 - mac[i, k], 0.0), 4)
+    tolerance, off = reference.tolerance[k], abs(f - known["f"])
+    found = {"is": "found", "known": rounded(known["f"]), "f_error": rounded(off / reference.reach[k], 4)}
+    if math.isfinite(tolerance):
+        found["f_within"] = bool(off <= tolerance)
+    errors = {"zeta_error": abs(zeta / known["zeta"] - 1), "shape_error": max(1 - mac, 0.0)}
+    found |= {name: rounded(error, 4) for name, error in errors.items() if math.isfinite(error)}
     for key in ("f", "zeta"):
-        if f"{key}_ends" in told and math.isfinite(known[key]) and exact:
+        if (
+            f"{key}_ends" in told
+            and math.isfinite(known[key])
+            and reference.kind == "exact"
+            and "f_within" not in found
+        ):
             low, high = told[f"{key}_ends"]
-            told[f"{key}_held"] = bool(low <= known[key] <= high)
-    told["wrong"] = told.get("zeta_error", 0.0) > _DAMPING and not told.get("zeta_held", False)
-    return told
+            found[f"{key}_held"] = bool(low <= known[key] <= high)
+    return found | {"wrong": found.get("zeta_error", 0.0) > _DAMPING and not found.get("zeta_held", False)}
 
 
-def over_bound(about: dict[str, Any], mode: dict[str, Any]) -> list[float | None]:
+def over_bound(about: Told, mode: Told) -> list[float | None]:
     """Return errors of frequency, damping and 1 - MAC of a mode that was found over the bound in the entry of its set; None without one.
 
     Where modes are known exactly an error of one in frequency is the half bandwidth, zeta f.
@@ -176,40 +168,35 @@ def share(hits: Sequence[int], counts: Sequence[int]) -> list[float] | None:
     return [rounded(x, 4) for x in np.quantile(a[n > 0] / n[n > 0], (0.025, 0.975))]
 
 
-def totals(results: Iterable[tuple[dict[str, Any], dict[str, Any]]]) -> dict[str, Any]:
+def totals(results: Iterable[tuple[Told, Told]]) -> Told:
     """Return the scores of one program over sets: pairs of a set's entry (`known`, `complete`) and of its run as `judged` returns it.
 
     A program that fails, or takes more than the limits, misses all modes of the set.
     """
     given = [(about, run) for about, run in results if run["status"] != "cannot"]
     modes = [mode for _, run in given for mode in run.get("modes", [])]
-    found, counts = (
-        [len(about["known"]) - len(run.get("missed", about["known"])) for about, run in given],
-        [len(a["known"]) for a, _ in given],
-    )
-    told: dict[str, Any] = {
-        "sets": len(given),
-        "modes": sum(counts),
-        "found": sum(found),
-        "found_interval": share(found, counts),
-    }
+    counts = [len(about["known"]) for about, _ in given]
+    found = [len(about["known"]) - len(run.get("missed", about["known"])) for about, run in given]
+    told: Told = {"sets": len(given), "modes": sum(counts), "found": sum(found), "found_interval": share(found, counts)}
     told |= {"missed": sum(counts) - sum(found), "failed": sum(run["status"] != "done" for _, run in given)}
     told |= {name: sum(mode["is"] == name for mode in modes) for name in ("false", "twice")}
     told["wrong_without_a_word"] = sum(mode["wrong"] and not mode["marked"] for mode in modes)
     told["reported"] = sum(mode["is"] != "other" for mode in modes)
-    for key in ("f", "zeta", "shape"):
-        errors = [mode[f"{key}_error"] for mode in modes if mode.get(f"{key}_error") is not None]
-        told[f"{key}_error"] = rounded(float(np.median(errors)), 3) if errors else None
+    told |= {key: _middle(mode.get(key) for mode in modes) for key in ("f_error", "zeta_error", "shape_error")}
     over = [over_bound(about, mode) for about, run in given for mode in run.get("modes", []) if mode["is"] == "found"]
-    columns = [column[np.isfinite(column)] for column in np.array(over, float).reshape(-1, 3).T]
-    told["over_bound"] = [rounded(float(np.median(column)), 3) if column.size else None for column in columns]
+    told["over_bound"] = [_middle(each[j] for each in over) for j in range(3)]
     within = [mode["f_within"] for mode in modes if "f_within" in mode]
     told["f_within"] = [sum(within), len(within)]
     for key in ("f", "zeta"):
-        held = [mode[f"{key}_held"] for mode in modes if f"{key}_held" in mode]
-        told[f"{key}_held"], told[f"{key}_coverage"] = [sum(held), len(held)], wilson(sum(held), len(held))
-        widths = [
-            (mode[f"{key}_ends"][1] - mode[f"{key}_ends"][0]) / 2 / mode[key] for mode in modes if f"{key}_held" in mode
-        ]
-        told[f"{key}_half_width"] = rounded(float(np.median(widths)), 3) if widths else None
+        tried = [mode for mode in modes if f"{key}_held" in mode]
+        held = [sum(mode[f"{key}_held"] for mode in tried), len(tried)]
+        told |= {f"{key}_held": held, f"{key}_coverage": wilson(*held)}
+        ends = ((mode[f"{key}_ends"], mode[key]) for mode in tried)
+        told[f"{key}_half_width"] = _middle((high - low) / 2 / value for (low, high), value in ends)
     return told | {"human": sum(run.get("human", 0) for _, run in given)}
+
+
+def _middle(values: Iterable[float | None]) -> float | None:
+    """Return the median of what there is, None of nothing."""
+    there = [x for x in values if x is not None and math.isfinite(x)]
+    return rounded(median(there), 3) if there else None

@@ -23,20 +23,8 @@ DOCS = pages.DOCS
 
 def reference(f: list[float], zeta: float = 0.01, shapes: Any = None, complete: bool = True, **more: Any) -> Reference:
     known = np.array(f)
-    told = {
-        "tolerance": np.full(known.size, np.nan),
-        "reach": zeta * known,
-        "damping_tolerance": np.full(known.size, np.nan),
-    }
-    return Reference(
-        kind="exact",
-        by="a test",
-        frequencies=known,
-        damping=np.full(known.size, zeta),
-        shapes=shapes,
-        complete=complete,
-        **told | more,
-    )
+    told = {"damping": np.full(known.size, zeta), "tolerance": np.full(known.size, np.nan), "reach": zeta * known}
+    return Reference(kind="exact", frequencies=known, shapes=shapes, complete=complete, **told | more)
 
 
 def listed(f: list[float], zeta: float = 0.01, shapes: np.ndarray | None = None, **more: Any) -> dict[str, Any]:
@@ -55,11 +43,10 @@ def test_one_missed_one_false_one_twice() -> None:
     judged = scores.judged(known, (), None, listed([10.02, 10.05, 20.0, 25.0]))
     assert [mode["is"] for mode in judged["modes"]] == ["found", "twice", "found", "false"]
     assert judged["missed"] == [30.0]
-    told = scores.totals(
-        [({"known": [10.0, 20.0, 30.0]}, judged), ({"known": [1.0]}, {"status": "failed", "human": 2})]
-    )
-    assert (told["found"], told["modes"], told["missed"], told["false"], told["twice"]) == (2, 4, 2, 1, 1)
-    assert (told["wrong_without_a_word"], told["reported"], told["failed"], told["human"]) == (2, 4, 1, 2)
+    failed = {"status": "failed", "human": 2}
+    told = scores.totals([({"known": [10.0, 20.0, 30.0]}, judged), ({"known": [1.0]}, failed)])
+    counted = {"found": 2, "modes": 4, "missed": 2, "false": 1, "twice": 1, "wrong_without_a_word": 2, "reported": 4}
+    assert told | counted | {"failed": 1, "human": 2} == told
     assert told["f_error"] == pytest.approx(0.1)  # medians of .2 and 0 half bandwidths
     not_all = scores.judged(reference([10.0, 20.0, 30.0], complete=False), (), None, listed([10.0, 25.0]))
     assert [mode["is"] for mode in not_all["modes"]] == ["found", "other"]
@@ -117,22 +104,14 @@ def test_a_mode_of_another_shape_is_another_mode(mac: float, told: str) -> None:
 
 def test_any_shape_of_a_repeated_pair_is_right() -> None:
     turned = np.array([[1.0, 1.0], [1.0, -1.0], [0.0, 0.0]]) / np.sqrt(2)
-    assert verdicts(reference([10.0, 10.0], shapes=np.eye(3)[:, :2]), listed([10.0, 10.0], shapes=turned)) == [
-        "found",
-        "found",
-    ]
-    assert verdicts(reference([10.0, 10.05], shapes=np.eye(3)[:, :2]), listed([10.0, 10.05], shapes=turned)) == [
-        "false",
-        "false",
-    ]
+    for f, told in (([10.0, 10.0], "found"), ([10.0, 10.05], "false")):
+        assert verdicts(reference(f, shapes=np.eye(3)[:, :2]), listed(f, shapes=turned)) == [told, told]
 
 
 def test_two_close_modes_are_paired_by_shape() -> None:
-    swapped = np.eye(3)[:, [1, 0]]
-    judged = scores.judged(
-        reference([10.0, 10.05], shapes=np.eye(3)[:, :2]), (), None, listed([10.0, 10.05], shapes=swapped)
-    )
-    assert [mode["known"] for mode in judged["modes"]] == [10.05, 10.0]
+    f, swapped = [10.0, 10.05], np.eye(3)[:, [1, 0]]
+    judged = scores.judged(reference(f, shapes=np.eye(3)[:, :2]), (), None, listed(f, shapes=swapped))
+    assert [mode["known"] for mode in judged["modes"]] == f[::-1]
 
 
 def test_modes_beyond_the_band_count_for_nobody() -> None:
@@ -167,11 +146,9 @@ def test_intervals_of_shares() -> None:
     assert scores.wilson(8, 10) == pytest.approx([0.4902, 0.9433], abs=1e-4)  # E. B. Wilson 1927, tables of many books
     assert scores.wilson(0, 0) is None
     assert scores.share([3, 3, 3], [4, 4, 4]) == [0.75, 0.75]
-    low, high = scores.share([0, 4] * 10, [4, 4] * 10) or [0, 0]
-    assert (low, high) == tuple(scores.share([0, 4] * 10, [4, 4] * 10) or ())
-    assert (low, high) == pytest.approx(
-        (0.5 - 1.96 * 0.5 / 20**0.5, 0.5 + 1.96 * 0.5 / 20**0.5), abs=0.03
-    )  # binomial of 20 sets
+    half = scores.share([0, 4] * 10, [4, 4] * 10)
+    assert half == scores.share([0, 4] * 10, [4, 4] * 10)
+    assert half == pytest.approx([0.5 - 0.98 / 20**0.5, 0.5 + 0.98 / 20**0.5], abs=0.03)  # binomial of 20 sets
 
 
 @pytest.mark.parametrize("name", all_sets())
@@ -191,12 +168,14 @@ def test_a_set_says_all_that_a_reader_asks(name: str) -> None:
     assert package == json.loads(json.dumps(pages.package(one, entry)))
 
 
+def of_the_schema(held: Any) -> None:
+    schema = json.loads(pages.ROOT.joinpath("scores.schema.json").read_text("utf-8"))
+    pytest.importorskip("jsonschema").validate(held, schema)
+
+
 @pytest.mark.slow
 def test_the_scores_have_the_form_that_their_schema_says() -> None:
-    held = json.loads(pages.SCORES.read_text("utf-8"))
-    pytest.importorskip("jsonschema").validate(
-        held, json.loads(pages.ROOT.joinpath("scores.schema.json").read_text("utf-8"))
-    )
+    of_the_schema(json.loads(pages.SCORES.read_text("utf-8")))
 
 
 def test_the_pages_are_those_of_the_scores() -> None:
@@ -216,13 +195,12 @@ def arena(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setattr(sets, "HERE", tmp_path / "sets")
     monkeypatch.setattr(pages, "SETS", tmp_path / "sets")
     monkeypatch.setattr(pages, "DOCS", tmp_path / "docs")
+    monkeypatch.setattr(pages, "SCORES", tmp_path / "scores.json")
+    monkeypatch.setattr(pages, "TIMES", tmp_path / "times.json")
     monkeypatch.setattr(programs, "CONTESTANTS", tmp_path / "contestants")
     monkeypatch.setattr(programs, "HANDED", tmp_path / "handed")
     for module in (run, programs):
         monkeypatch.setattr(module, "PLACE", tmp_path)
-    for module in (run, pages):
-        monkeypatch.setattr(module, "SCORES", tmp_path / "scores.json")
-        monkeypatch.setattr(module, "TIMES", tmp_path / "times.json")
     for cached in (all_sets, programs.all_contestants):
         cached.cache_clear()
     yield tmp_path
@@ -245,19 +223,19 @@ def test_a_stranger_adds_a_test_a_program_and_a_list_from_the_page_alone(arena: 
     (arena / "handed" / "artemis" / "program.toml").write_text(handed)
     (arena / "handed" / "artemis" / "my_beam.csv").write_text(modes)
     assert len((test + reader).splitlines()) <= 40
-    run.main(["--no-pictures"])
+    (asked,) = re.findall(r"make arena SET=(my_beam) PROGRAM=(\w+)", (DOCS / "add.md").read_text("utf-8"))
+    for name in (asked[1], "ARTeMIS"):
+        run.main(["--set", asked[0], "--program", name, "--no-pictures"])
+    with pytest.raises(SystemExit):
+        run.main(["--program", "nobody"])
     first = (arena / "scores.json").read_text("utf-8")
     told = json.loads(first)
-    peaks = told["totals"]["decay"]["peaks"]
-    assert (peaks["found"], peaks["false"], peaks["human"]) == (3, 0, 1)
-    assert (
-        told["totals"]["decay"]["ARTeMIS"] | {"found": 0, "false": 2, "human": 2} == told["totals"]["decay"]["ARTeMIS"]
-    )
-    assert told["totals"]["decay"]["ARTeMIS"]["wrong_without_a_word"] == 1  # the other one is marked
+    peaks, theirs = (told["totals"]["decay"][name] for name in ("peaks", "ARTeMIS"))
+    assert peaks | {"found": 3, "false": 0, "human": 1} == peaks
+    assert theirs | {"found": 0, "false": 2, "human": 2, "wrong_without_a_word": 1} == theirs  # one is marked
     assert "3 of 3" in (arena / "docs" / "sets" / "my_beam.md").read_text("utf-8")
-    pytest.importorskip("jsonschema").validate(
-        told, json.loads(pages.ROOT.joinpath("scores.schema.json").read_text("utf-8"))
-    )
+    assert "Nothing false or twice: peaks found 3 of 3 (1 number by a person)." in pages.index(told)
+    of_the_schema(told)
     (arena / "contestants" / "mine.py").touch()  # the same text: what is there counts, and nothing differs
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(run, "_run", lambda *_: pytest.fail("it was run again"))
@@ -267,8 +245,7 @@ def test_a_stranger_adds_a_test_a_program_and_a_list_from_the_page_alone(arena: 
 
 def test_a_program_that_fails_or_cannot_is_told_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path, result = tmp_path / "data.npz", tmp_path / "result.json"
-    answers = {"frequencies": None, "lowest frequency": None, "modes": None, "decimation": 1}
-    about = {"kind": "decay", "band": None, "quantity": None, "labels": [["1"]], "answers": answers}
+    about = {"kind": "decay", "band": None, "quantity": None, "labels": [["1"]], "answers": {"modes": None}}
     np.savez(path, about=np.array(json.dumps(about)), outputs=np.zeros((4, 1)), sampling_rate=2.0)
     monkeypatch.setattr(child, "limited", lambda: None)
     monkeypatch.setitem(__import__("sys").modules, "child", child)
@@ -277,7 +254,7 @@ def test_a_program_that_fails_or_cannot_is_told_so(tmp_path: Path, monkeypatch: 
         ("test.human('modes')", {"status": "cannot", "human": 0}),
         ("raise MemoryError", {"status": "limit", "human": 0}),
         (
-            "return {'frequencies': [2, float('nan'), 0], 'damping_ratios': [.1, .1, .1]}",
+            "return {'frequencies': [2, float('nan'), 0], 'damping_ratios': 3 * [.1]}",
             {"human": 0, "frequencies": [2.0]},
         ),
     ):
@@ -288,6 +265,28 @@ def test_a_program_that_fails_or_cannot_is_told_so(tmp_path: Path, monkeypatch: 
         assert found | told == found
 
 
+def test_a_person_counts_where_there_is_something_to_find() -> None:
+    test = object.__new__(child.Test)
+    test.sampling_rate, test.told, outputs = 10.0, 0, np.arange(40.0)[:, None]
+    test._answers = {"decimation": 1, "start": 0}
+    assert test.slower(outputs)[0] is not None
+    assert test.told == 0
+    test._answers = {"decimation": 2, "start": 1.0}
+    later, rate = test.slower(outputs)
+    assert (len(later), rate, test.told) == (15, 5.0, 2)
+    assert later[5:10, 0] == pytest.approx(np.arange(20.0, 30.0, 2.0), rel=0.01)
+
+
+def test_modes_of_a_model_in_discrete_time() -> None:
+    known = ms.systems.chain5().modes().take([0, 1])
+    z = np.exp(known.poles / 20.0)
+    A, V = np.diag([*z, *z.conj()]), np.hstack([known.shapes, known.shapes.conj()])
+    told = child.modes_of(A, V, 20.0)
+    assert told["frequencies"] == pytest.approx(known.frequencies)
+    assert told["damping_ratios"] == pytest.approx(known.damping_ratios)
+    assert told["shapes"] == pytest.approx(known.shapes)
+
+
 def test_our_own_row_falls_by_more_than_chance_or_not() -> None:
     assert judge.chance(6, 0) == 1 / 64
     assert judge.chance(3, 3) == pytest.approx(42 / 64)
@@ -296,26 +295,26 @@ def test_our_own_row_falls_by_more_than_chance_or_not() -> None:
     def runs(f: list[float], columns: list[int]) -> dict[str, Any]:
         return scores.judged(known, (), None, listed(f, shapes=np.eye(3)[:, columns]))
 
-    all_right, one_lost, one_false = (
-        runs([10.0, 20.0, 30.0], [0, 1, 2]),
-        runs([10.0, 20.0], [0, 1]),
-        runs([10.0, 10.0, 20.0, 30.0], [0, 0, 1, 2]),
-    )
-    names = "abcdef"
-    assert judge.fallen(dict.fromkeys(names, all_right), dict.fromkeys(names, all_right)) == []
-    assert judge.fallen(dict.fromkeys(names, all_right), dict.fromkeys(names, one_lost)) == ["found: 6 worse, 0 better"]
-    assert judge.fallen(dict.fromkeys(names[1:], all_right), dict.fromkeys(names, one_lost)) == []  # five of five
-    assert judge.fallen(dict.fromkeys(names, one_lost), dict.fromkeys(names, all_right)) == []
-    told = judge.fallen(dict.fromkeys(names, all_right), dict.fromkeys(names, one_false))
-    assert told == ["false or twice: 6 worse, 0 better", "wrong without a word: 6 worse, 0 better"]
-    worse = {
-        "a": {**all_right, "modes": [{**mode, "shape_error": 0.1, "f_held": False} for mode in all_right["modes"]]}
-    }
-    held = {"a": {**all_right, "modes": [{**mode, "shape_error": 0.01, "f_held": True} for mode in all_right["modes"]]}}
-    assert [score for score, worse in judge.changes(held["a"], worse["a"]) if worse > 0].count("shapes") == 3
-    assert [score for score, worse in judge.changes(held["a"], worse["a"]) if worse > 0].count(
-        "intervals that hold"
-    ) == 3
+    all_right, one_lost = runs([10.0, 20.0, 30.0], [0, 1, 2]), runs([10.0, 20.0], [0, 1])
+    one_false = runs([10.0, 10.0, 20.0, 30.0], [0, 0, 1, 2])
+
+    def fallen(before: dict[str, Any], now: dict[str, Any], names: str = "abcdef") -> list[str]:
+        return judge.fallen(dict.fromkeys(names, before), dict.fromkeys(names, now))
+
+    assert fallen(all_right, all_right) == []
+    assert fallen(all_right, one_lost) == ["found: 6 worse, 0 better"]
+    assert fallen(all_right, one_lost, "abcde") == []  # five of five
+    assert fallen(one_lost, all_right) == []
+    assert fallen(all_right, one_false) == [
+        "false or twice: 6 worse, 0 better",
+        "wrong without a word: 6 worse, 0 better",
+    ]
+
+    def told(shape_error: float, f_held: bool) -> dict[str, Any]:
+        return {"modes": [mode | {"shape_error": shape_error, "f_held": f_held} for mode in all_right["modes"]]}
+
+    worse = [score for score, count in judge.changes(told(0.01, True), told(0.1, False)) if count > 0]
+    assert sorted(worse) == 3 * ["intervals that hold"] + 3 * ["shapes"]
 
 
 def test_another_file_than_the_set_names_is_refused(arena: Path, monkeypatch: pytest.MonkeyPatch) -> None:

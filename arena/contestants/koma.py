@@ -14,23 +14,15 @@ def run(test, variant):
     """Run Cov-SSI and cluster."""
     import koma.clustering
     import koma.oma
-    from scipy.signal import decimate, detrend
+    from scipy.signal import detrend
 
-    y, rate = detrend(test.outputs, axis=0, type="constant"), test.sampling_rate
-    if (q := test.human("decimation")) > 1:
-        y, rate = decimate(y, q, axis=0, ftype="fir"), rate / q
+    y, rate = test.slower(detrend(test.outputs, axis=0, type="constant"))
     stability = {"freq": 0.05, "damping": 0.2, "mac": 0.2}
     poles = koma.oma.covssi(y, rate, 50, np.arange(2, 62, 2))
     poles, shapes, orders, _ = koma.oma.find_stable_poles(*poles, 3, stabcrit=stability, indicator="freq")
-    scaling = {"mac": 0.4, "omega_n": 0.8}
-    groups = koma.clustering.PoleClusterer(
-        *(poles, shapes, orders),
-        min_cluster_size=15,
-        min_samples=15,
-        scaling=scaling,
-        normalize_distances=False,
-        boolean_stops="avoid_same_order",
-    )
+    options = {"min_cluster_size": 15, "min_samples": 15, "scaling": {"mac": 0.4, "omega_n": 0.8}}
+    options |= {"normalize_distances": False, "boolean_stops": "avoid_same_order"}
+    groups = koma.clustering.PoleClusterer(poles, shapes, orders, **options)
     groups.cluster()
     outputs = groups.postprocess(prob_threshold=1.0, normalize_and_maxreal=True)
     xi, omega, phi, *_ = koma.clustering.group_clusters(*outputs)

@@ -1,32 +1,38 @@
-"""modalscope, hands off: the whole job, nothing set but the band that everybody is given."""
+"""modalscope, hands off: the whole job, nothing set but the band that everybody is given.
+
+And one row of its table at a time: a diagram by that method alone, and the choice of modes from it, without refinement.
+"""
 
 import numpy as np
 
 REQUIRES = ()
 TAKES = ("responses", "impulses", "records", "ambient", "decay", "earthquake", "setups", "months")
-SOURCE = "README: ms.analyze(data)"
-VARIANTS = {"modalscope": "the whole job, hands off"}
+SOURCE = "README: ms.analyze(data); rows: docs/methods: ms.stabilize(data, method=...), ms.select"
+VARIANTS = {
+    "modalscope": "the whole job, hands off",
+    "row era": "balanced projection",
+    "row polyreference": "null space, companion form",
+    "row lscf": "matrix fraction of responses",
+    "row ssi-data": "projected ambient records",
+}
+#: The kinds that a row is made for, where it is not all four.
+ROWS = {"lscf": ("responses",), "ssi-data": ("ambient",)}
 
 
 def data_of(test):
     """Return the test as a data class of modalscope."""
     import modalscope as ms
 
+    rate = test.sampling_rate
     if test.kind == "responses":
-        lines = test.frequencies > 0
-        return ms.FrequencyResponse(
-            values=test.values[lines], frequencies=test.frequencies[lines], quantity=test.quantity
-        )
+        f, lines = test.frequencies, test.frequencies > 0
+        return ms.FrequencyResponse(values=test.values[lines], frequencies=f[lines], quantity=test.quantity)
     if test.kind == "impulses":
-        return ms.ImpulseResponse(values=test.values, sampling_rate=test.sampling_rate)
+        return ms.ImpulseResponse(values=test.values, sampling_rate=rate)
     if test.kind == "setups":
         parts = zip(test.setups, test.labels, strict=True)
-        return ms.Setups(
-            parts=[ms.Signals(outputs=y, sampling_rate=test.sampling_rate, output_dofs=own) for y, own in parts]
-        )
-    return ms.Signals(
-        outputs=test.outputs, inputs=test.inputs, sampling_rate=test.sampling_rate, output_dofs=test.labels[0]
-    )
+        return ms.Setups(parts=[ms.Signals(outputs=y, sampling_rate=rate, output_dofs=own) for y, own in parts])
+    return ms.Signals(outputs=test.outputs, inputs=test.inputs, sampling_rate=rate, output_dofs=test.labels[0])
 
 
 def columns_of(modes):
@@ -46,12 +52,20 @@ def columns_of(modes):
 
 
 def run(test, variant):
-    """Analyze."""
+    """Analyze, or stabilize and select by one row."""
+    from child import CannotError
+
     import modalscope as ms
 
+    options = {} if test.band is None else {"band": test.band}
+    if variant != "modalscope":
+        method = variant.removeprefix("row ")
+        if test.kind not in ROWS.get(method, ("responses", "impulses", "records", "ambient")):
+            raise CannotError(f"{method} is not made for {test.kind}")
+        return columns_of(ms.select(ms.stabilize(data_of(test), method=method, **options)))
     if test.kind == "months":
         rows = {name: getattr(test, name) for name in ("record", "frequencies", "damping_ratios", "shapes")}
         tracks = ms.monitoring.track(ms.monitoring.History(times=test.seconds, output_dofs=test.labels[0], **rows))
         f, zeta = (np.nanmedian(values, axis=0) for values in (tracks.frequencies, tracks.damping_ratios))
         return {"frequencies": f, "damping_ratios": zeta}
-    return columns_of(ms.analyze(data_of(test), **({} if test.band is None else {"band": test.band})).modes)
+    return columns_of(ms.analyze(data_of(test), **options).modes)

@@ -11,7 +11,7 @@ VARIANTS = {"nfoursid": "N4SID of given order"}
 def run(test, variant):
     """Identify."""
     import pandas as pd
-    from child import CannotError
+    from child import CannotError, modes_of
     from nfoursid.nfoursid import NFourSID
 
     if test.outputs.ndim != 2:
@@ -24,11 +24,4 @@ def run(test, variant):
     model = NFourSID(frame, output_columns=outputs, input_columns=inputs, num_block_rows=10)
     model.subspace_identification()
     found, _ = model.system_identification(rank=order)
-    z, vectors = np.linalg.eig(found.a)
-    kept = z.imag > 0
-    s = np.log(z[kept]) * test.sampling_rate
-    return {
-        "frequencies": abs(s) / 2 / np.pi,
-        "damping_ratios": -s.real / abs(s),
-        "shapes": (found.c @ vectors)[:, kept],
-    }
+    return modes_of(found.a, found.c, test.sampling_rate)

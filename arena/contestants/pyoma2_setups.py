@@ -27,9 +27,5 @@ def run(test, variant):
     setup.mpe("ssi", sel_freq=test.human("frequencies"), order_in=80)
     found = algorithm.result
     order = common + [name for own in test.labels for name in own if name not in common]
-    return {
-        "frequencies": np.ravel(found.Fn),
-        "damping_ratios": np.ravel(found.Xi),
-        "shapes": found.Phi,
-        "labels": order,
-    }
+    f, zeta = np.ravel(found.Fn), np.ravel(found.Xi)
+    return {"frequencies": f, "damping_ratios": zeta, "shapes": found.Phi, "labels": order}

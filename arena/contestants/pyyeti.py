@@ -14,16 +14,15 @@ MOST = 2000
 def run(test, variant):
     """Run ERA."""
     from pyyeti import era
-    from scipy.signal import decimate
 
     rate = test.sampling_rate
     if test.kind == "impulses":
         values = test.values.transpose(1, 0, 2)
     else:
-        y = test.outputs.T
-        if (q := test.human("decimation")) > 1:
-            y, rate = decimate(y, q, axis=1, ftype="fir"), rate / q
-        values = y if test.kind == "decay" else era.NExT(y, rate, lag_stop=round(rate / test.human("lowest frequency")))
+        y, rate = test.slower(test.outputs)
+        values = y.T
+        if test.kind == "ambient":
+            values = era.NExT(values, rate, lag_stop=round(rate / test.human("lowest frequency")))
     try:
         found = era.ERA(np.ascontiguousarray(values[:, :MOST]), sr=rate, auto=True, verbose=False, show_plot=False)
     except RuntimeError as error:

@@ -7,8 +7,6 @@ and returns data of modalscope; a simulated one returns the modes, too, and the 
 from __future__ import annotations
 
 import hashlib
-import inspect
-import json
 import os
 import tomllib
 from dataclasses import dataclass
@@ -35,9 +33,6 @@ FIELDS = ("hammer", "shaker", "ambient", "decay", "earthquake", "setups", "month
 #: Who says what the modes are: nature's own answer, their authors' print, other programs', or nobody. The first two are scored.
 SCORED, UNSCORED = ("exact", "published"), ("computed", "none")
 
-#: What of a set's file decides what a program is given.
-_DECIDES = ("kind", "read", "files", "options", "band", "decimate")
-
 
 class Missing(Exception):
     """A file is not here, or is another one than the set names."""
@@ -50,8 +45,6 @@ class Reference:
     Parameters
     ----------
     kind : {"exact", "published", "computed", "none"}
-    by : str
-        Who gave them.
     frequencies : array, (n,)
         Hz.
     damping : array, (n,)
@@ -60,8 +53,6 @@ class Reference:
         Hz, as published; NaN where there is none.
     reach : array, (n,)
         Hz: a mode within it is this one. The half-power half-bandwidth, or a wider one where the set says so.
-    damping_tolerance : array, (n,)
-        Relative, as published; NaN where there is none.
     shapes : array, (l, n), optional
     complete : bool
         Whether these are all modes of the band: other ones are false then.
@@ -70,12 +61,10 @@ class Reference:
     """
 
     kind: str
-    by: str
     frequencies: np.ndarray
     damping: np.ndarray
     tolerance: np.ndarray
     reach: np.ndarray
-    damping_tolerance: np.ndarray
     shapes: np.ndarray | None
     complete: bool
     bound: np.ndarray | None = None
@@ -122,32 +111,18 @@ class ArenaSet:
     def _reference(self, modes: ms.ModalModel | None = None, bound: np.ndarray | None = None) -> Reference:
         told = self.about["reference"]
         f = np.array(told.get("frequencies", []) if modes is None else modes.frequencies, float)
-        n = f.size
-        columns = {
-            "damping": told.get("damping_ratios", [np.nan] * n) if modes is None else modes.damping_ratios,
-            "tolerance": told.get("tolerance_hz", [np.nan] * n),
-            "damping_tolerance": told.get("damping_tolerance", [np.nan] * n),
-        }
-        filled = {name: np.resize(np.array(column, float), n) if n else np.zeros(0) for name, column in columns.items()}
-        widest = np.fmax(np.nan_to_num(filled["damping"]) * f, told.get("found_within", 0.0) * f)
-        shapes = modes.shapes if modes is not None and len(modes.shapes) > 1 else None
+        damping = np.resize(told.get("damping_ratios", np.nan) if modes is None else modes.damping_ratios, f.size)
+        tolerance = np.resize(told.get("tolerance_hz", np.nan), f.size)
         return Reference(
             kind=told["kind"],
-            by=told["by"],
             frequencies=f,
-            shapes=shapes,
-            reach=np.fmax(widest, filled["tolerance"]),
-            complete=bool(told.get("complete", False)),
+            damping=damping,
+            tolerance=tolerance,
+            reach=np.fmax(np.fmax(np.nan_to_num(damping) * f, told.get("found_within", 0.0) * f), tolerance),
+            shapes=modes.shapes if modes is not None and len(modes.shapes) > 1 else None,
+            complete=told.get("complete", False),
             bound=bound,
-            **filled,
         )
-
-    def code(self) -> str:
-        """Return the text that decides what programs are given, for the key of a run."""
-        own, told = HERE / f"{self.name}.py", self.about["reference"]
-        text = json.dumps([self.about.get(name) for name in _DECIDES] + [told.get("frequencies")])
-        reader = own.read_text("utf-8") if own.is_file() else inspect.getsource(getattr(readers, self.about["read"]))
-        return text + reader
 
 
 @cache

@@ -33,12 +33,10 @@ def arrays(
     """Return a record of the arrays of a file: (samples, channels), or (runs, samples, channels) from the run `first` on, or one `part`."""
     held = np.load(paths[0])
     named = {"": held} if isinstance(held, np.ndarray) else held
-    taken = [None if name is None else np.asarray(named[name]) for name in (outputs, inputs)]
-    y, u = (
-        None if x is None else x[part] if part is not None else x[first:] if x.ndim == 3 or first else x for x in taken
-    )
-    if u is not None:
-        y, u = (x[..., None] if x.ndim == (2 if first else 1) else x for x in (y, u))
+    taken = slice(first, None) if part is None else part
+    y, u = (None if name is None else np.asarray(named[name])[taken] for name in (outputs, inputs))
+    if u is not None and u.ndim == 1 + bool(first):  # one channel each
+        y, u = y[..., None], u[..., None]
     return ms.Signals(outputs=y, inputs=u, sampling_rate=float(named[rate]) if isinstance(rate, str) else float(rate))
 
 
@@ -74,11 +72,8 @@ def setups(paths: list[Path], *, outputs: str, rate: str, common: int) -> ms.Set
         runs, fs = held[outputs], float(held[rate])
     shared = [f"r{j}" for j in range(common)]
     labels = [[*shared, *(f"{k}.{j}" for j in range(common, run.shape[1]))] for k, run in enumerate(runs)]
-    return ms.Setups(
-        parts=[
-            ms.Signals(outputs=run, sampling_rate=fs, output_dofs=own) for run, own in zip(runs, labels, strict=True)
-        ]
-    )
+    each = zip(runs, labels, strict=True)
+    return ms.Setups(parts=[ms.Signals(outputs=run, sampling_rate=fs, output_dofs=own) for run, own in each])
 
 
 def structure(paths: list[Path], *, system: str, test: str, **options: Any) -> Any:
@@ -157,18 +152,8 @@ def tower(paths: list[Path], *, seed: int, floors: int, common: int, moving: int
     f, stay = built.modes().frequencies, list(range(floors - common, floors))
     free = [k for k in range(floors) if k not in stay]
     runs = [stay + free[p * moving : (p + 1) * moving] for p in range(parts)]
-    made = [
-        built.simulate(
-            inputs="ambient",
-            outputs=run,
-            duration=400 / f[0],
-            sampling_rate=2.6 * f[-1],
-            noise=noise,
-            seed=1000 * seed + k,
-        )
-        for k, run in enumerate(runs)
-    ]
-    test = ms.Setups(parts=made)
+    wind: dict[str, Any] = {"inputs": "ambient", "duration": 400 / f[0], "sampling_rate": 2.6 * f[-1], "noise": noise}
+    test = ms.Setups(parts=[built.simulate(outputs=run, seed=1000 * seed + k, **wind) for k, run in enumerate(runs)])
     return test, _at(built, test)
 
 
