@@ -140,6 +140,35 @@ def test_information_and_score_of_a_lobe_are_those_of_the_whole_spectral_matrix(
     assert information == pytest.approx(direct, rel=1e-6, abs=1e-6 * np.abs(direct).max())
 
 
+@pytest.mark.parametrize("outputs", [3, 6])
+def test_the_covariance_of_a_shape_is_that_of_the_whole_information_of_its_neighbours_and_their_poles(
+    outputs: int,
+) -> None:
+    """Second route: derivatives of the whole spectral matrix by differences, by both shapes, both poles and both correlations."""
+    rng = np.random.default_rng(outputs)
+    shapes, noise, forces = rng.standard_normal((outputs, 3)), rng.uniform(0.1, 0.5, outputs), np.eye(3)
+    forces[1, [0, 2]] = forces[[0, 2], 1] = 0.3, -0.2
+    h, slopes, Y = (rng.standard_normal((2, *size)) for size in ((30, 3), (30, 2, 2), (2, 30, outputs)))
+    h, slopes, Y = (one + 1j * two for one, two in (h, slopes, Y))
+    lobe = _Lobe(Y, h, noise, 1, [0, 2])
+    at = lobe.spectral(shapes, forces)
+    assert at is not None
+
+    def S(x: np.ndarray) -> np.ndarray:
+        own, by, R = shapes.copy(), h.copy(), forces.copy()
+        own[:, 1] += x[:outputs]
+        own[:, 0] += x[outputs : 2 * outputs]
+        by[:, [1, 0]] *= np.exp(np.einsum("fme,me->fm", slopes, x[2 * outputs : -2].reshape(2, 2)))
+        R[1, [0, 2]] = R[[0, 2], 1] = R[1, [0, 2]] + x[-2:]
+        A = own * by[:, None]
+        return A @ R @ A.conj().swapaxes(1, 2) + np.diag(noise)
+
+    steps = 1e-5 * np.eye(2 * outputs + 6)
+    each = [np.linalg.solve(S(np.zeros(len(steps))), (S(step) - S(-step)) / 2e-5) for step in steps]
+    direct = np.linalg.pinv(2 * np.einsum("pfab,qfba->pq", each, each).real, hermitian=True)[:outputs, :outputs]
+    assert lobe.covariance(at, [0], slopes) == pytest.approx(direct, rel=1e-5, abs=1e-6 * np.abs(direct).max())
+
+
 def test_the_inverse_of_others_is_that_of_their_spectral_matrix() -> None:
     rng, own = np.random.default_rng(5), np.arange(20)
     noise = rng.uniform(0.1, 0.5, 4)

@@ -6,12 +6,14 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+import scipy.linalg as sla
 
 from modalscope.data.modes import ModalModel
 from modalscope.data.records import Signals
 from modalscope.numerics.checks import ComplexArray, IntArray, RealArray
 from modalscope.numerics.functions.poles import QUANTITIES
 from modalscope.numerics.orthonormal import most_real
+from modalscope.numerics.statistics import few_channels
 from modalscope.signals.preprocess.spectra import Spectrum
 
 #: A shape is estimated from the lines within this many half bandwidths; the noise from those in this range of half bandwidths.
@@ -51,6 +53,9 @@ _MOST_IMAGINARY = 4.0
 #: modes of random records, in half of which the strongest mode was missing, lines gave the better shapes below and fits above it.
 _MAX_MISFIT = 10.0
 
+
+#: Products of unknowns on lines that are formed at a time.
+_NUMBERS_AT_A_TIME = 1 << 20
 
 #: Least part of the error of a component that lies across its shape: one that is nearly alone has hardly any.
 _LEAST_ACROSS = 0.05
@@ -100,7 +105,8 @@ def line_shapes(record: Signals, modes: ModalModel, avoided: Sequence[tuple[floa
     are those of expectation and maximization of Whittle's likelihood by phi, with uncorrelated forces. From there Fisher scoring by phi
     and by the correlations of its force with those of the modes that are strongest on its lines, which are real where forces act at one
     time, leads to the maximum. The covariance of phi is the inverse of the information there times the misfit where that exceeds one; what
-    only the size of the mode has is no error of its shape. Noise is independent from channel to channel, its size the smallest
+    only the size of the mode has is no error of its shape; its pole, and poles and shapes of modes whose peaks stand among these lines, are
+    unknown as well. Noise is independent from channel to channel, its size the smallest
     eigenvalue of the normed spectral matrix beside the mode.
 
     What is complex in the given shape stays where it is more than errors, of the lines and of the given shape, and more than forces in step
@@ -347,30 +353,56 @@ class _Lobe(NamedTuple):
         """Return Fisher's information and the score of phi and of the correlations, (p, p) and (p,).
 
         Every derivative of S is u v* + v u*: of a component of phi u = e_a h and v a column of A R, of a correlation u and v are columns
-        of A. The information is the sum of 2 Re (v_p* S^-1 u_q)(v_q* S^-1 u_p) + (v_p* S^-1 v_q)(u_q* S^-1 u_p), the score of
-        2 Re (u* S^-1 y)(y* S^-1 v) - u* S^-1 v. Columns v lie in the span of shapes; e_a has a part beside, too.
+        of A. The score is 2 Re (u* S^-1 y)(y* S^-1 v) - u* S^-1 v. Columns v lie in the span of shapes; e_a has a part beside, too.
         """
-        h, runs, unit = self.h[:, self.mode, None], len(self.Y), 1 / np.sqrt(self.noise)
+        h, runs, unit, l = self.h[:, self.mode, None], len(self.Y), 1 / np.sqrt(self.noise), len(self.noise)
         d, s, B = at.driven[:, :, self.mode], at.sides[:, :, self.mode], at.sides[:, :, self.beside]
-        # products with d, s and B, which are v of all components, u of all correlations, and v of each of these
-        of_d, of_s = (_times(each[:, None], at.root)[:, 0] * h for each in (d, s))
-        of_B = _times(B.swapaxes(1, 2), at.root) * h[:, None]
-        ds, dB, sB = np.einsum("fk,fk->f", d.conj(), s), _times(d[:, None], B)[:, 0], _times(s[:, None], B)[:, 0]
-        size = np.linalg.norm(d, axis=1) * np.abs(h[:, 0])
-        root = (at.root * size[:, None, None]).reshape(-1, at.root.shape[2])
-        inside = of_d.T @ of_d + root.conj().T @ root
-        components = at.back @ inside @ at.back.T + np.sum(size**2) * (np.diag(unit**2) - at.back @ at.back.T)
-        crossed = at.back @ (np.einsum("fka,f->ak", of_B, ds) + of_s.T @ dB)
-        power = np.einsum("fk,fk->f", s.conj(), s)
-        correlations = sB.conj().T @ sB.conj() + np.einsum("f,fkm->km", power, _times(B.swapaxes(1, 2), B))
-        information = np.block([[components, crossed], [crossed.T, correlations]])
+        inside, beside = self.information(at)
+        back = sla.block_diag(at.back, np.eye(len(self.beside)))
+        information = back @ inside @ back.T
+        information[:l, :l] += beside[0, 0] * (np.diag(unit**2) - at.back @ at.back.T)
+        of_d = _times(d[:, None], at.root)[:, 0] * h
         drawn = _times(d[:, None], at.seen)[:, 0].conj()  # y* S^-1 v of components, (f, R)
         of_inside = _times((at.seen @ drawn[:, :, None])[:, None, :, 0], at.root)[:, 0].conj() * h.conj()
         of_beside = unit * np.einsum("rfa,fr->a", at.beside, drawn * h.conj())
         by_component = at.back @ np.sum(of_inside - runs * of_d.conj(), axis=0) + of_beside
         each = _times(s[:, None], at.seen) * _times(B.swapaxes(1, 2), at.seen).conj()
-        score = np.concatenate([by_component, np.sum(each.sum(axis=2) - runs * sB, axis=0)])
-        return 2 * runs * information.real, 2 * score.real
+        score = np.concatenate([by_component, np.sum(each.sum(axis=2) - runs * _times(s[:, None], B)[:, 0], axis=0)])
+        return information, 2 * score.real
+
+    def information(
+        self, at: _Spectral, close: Sequence[int] = (), slopes: ComplexArray | None = None
+    ) -> tuple[RealArray, RealArray]:
+        """Return Fisher's information of all that is unknown along Q, and of shapes beside it.
+
+        The sum of 2 Re (v_p* S^-1 u_q)(v_q* S^-1 u_p) + (v_p* S^-1 v_q)(u_q* S^-1 u_p) over lines and runs, by N^-1/2 phi in the
+        coordinates of Q, mode by mode, by poles, of which u = phi dh and v a column of A R, and by the correlations. Beside Q that of
+        shapes is one number a pair of modes, (m, m), the same in every direction: many outputs cost nothing.
+
+        `close`: modes besides itself that are unknown. `slopes` (f, m, e): of log h by what is unknown of each pole.
+        """
+        M, (lines, k, _) = [self.mode, *close], at.sides.shape
+        D, H, e = at.driven[:, :, M], self.h[:, M], 0 if slopes is None else slopes.shape[2]
+        by_shape = (at.root[:, :, None] * H[:, None, :, None]).reshape(lines, k, -1)
+        by_pole = at.sides[:, :, M, None] * (np.zeros((1, 1, 1, 0)) if slopes is None else slopes[:, None])
+        of_mode = at.sides[:, :, [self.mode] * len(self.beside)]
+        U = np.concatenate([by_shape, by_pole.reshape(lines, k, -1), of_mode], axis=2)
+        V = np.concatenate([np.repeat(D, k, axis=2), np.repeat(D, e, axis=2), at.sides[:, :, self.beside]], axis=2)
+        inside = np.zeros((U.shape[2], U.shape[2]))
+        for few in few_channels(U.shape[2] ** 2, lines, _NUMBERS_AT_A_TIME):
+            u, v = U[few], V[few]
+            pairs = (_times(v.swapaxes(1, 2), u),) * 2, (_times(v.swapaxes(1, 2), v), _times(u.swapaxes(1, 2), u))
+            inside += sum(np.einsum("fpq,fqp->pq", *pair).real for pair in pairs)
+        beside = np.einsum("fkj,fkm,fj,fm->jm", D.conj(), D, H, H.conj()).real
+        return 2 * len(self.Y) * inside, 2 * len(self.Y) * beside
+
+    def covariance(self, at: _Spectral, close: Sequence[int], slopes: ComplexArray) -> RealArray:
+        """Return the covariance of phi, (l, l), with all of `information` unknown."""
+        inside, beside = (np.linalg.pinv(each, hermitian=True) for each in self.information(at, close, slopes))
+        back, k = self.noise[:, None] * at.back, at.back.shape[1]
+        return np.asarray(
+            back @ (inside[:k, :k] - beside[0, 0] * np.eye(k)) @ back.T + beside[0, 0] * np.diag(self.noise)
+        )
 
     def moved(self, shapes: RealArray, forces: RealArray, step: RealArray) -> tuple[RealArray, RealArray]:
         """Return shapes and correlations after a step of one shape and its correlations."""
@@ -412,11 +444,20 @@ def _scored(lines: _Lines, modes: ModalModel, shapes: RealArray, forces: RealArr
             break
         (shapes, forces), at, damping = there, new, _FALL * damping
     misfit = at.squares / lobe.Y.size
-    covariance = np.linalg.pinv(lobe.equations(at)[0], hermitian=True)[: len(shapes), : len(shapes)]
+    f, reach = modes.frequencies, np.ptp(lines.frequencies[near.own]) / 2
+    close = [k for k in beside if abs(f[k] - f[j]) < reach]
+    covariance = lobe.covariance(at, close, _slopes(lines.frequencies[near.own], modes.take(np.array([j, *close]))))
     unit = shapes[:, j] / np.linalg.norm(shapes[:, j])
     across = np.eye(len(unit)) - np.outer(unit, unit)
     variances = np.diag(across @ covariance @ across) * _lines_a_line(near.own, lines.correlated) * max(misfit, 1.0)
     return _Scored(shapes, forces, beside, np.sqrt(np.maximum(variances, 0)), misfit)
+
+
+def _slopes(lines: RealArray, modes: ModalModel) -> ComplexArray:
+    """Return the derivatives of log h of modes by log f and log zeta on lines (Hz), (f, m, 2), less what only the size has."""
+    r, zeta = lines[:, None] / modes.frequencies, modes.damping_ratios
+    by_zeta = -2j * zeta * r / (1 - r**2 + 2j * zeta * r)
+    return np.stack([-by_zeta * (1 + 1j * r / zeta), by_zeta], axis=2)
 
 
 def _lines_a_line(lines: IntArray, correlated: RealArray) -> float:
