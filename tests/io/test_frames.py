@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
+from modalscope.io.frames import table_of_variables
 from modalscope.systems import chain5
 from tests.io.ordinary import CHANNELS, FREQUENCIES, RATE, RESPONSES, TIMES
 from tests.support import refused
@@ -74,6 +75,12 @@ def test_analyze_takes_a_frame_and_finds_what_it_finds_in_the_data() -> None:
     from_frame, direct = ms.analyze(held, refine=False), ms.analyze(ms.from_frame(held), refine=False)
     assert np.array_equal(from_frame.modes.frequencies, direct.modes.frequencies)
     assert len(from_frame.modes) == 5
+
+
+def test_an_axis_of_another_number_of_values_is_refused() -> None:
+    variables = {"a": (("time",), np.arange(150.0), "g")}
+    coords = {"time": (("other",), np.arange(2.0), "s")}
+    refused("'time' has 2 values for 150 of the others", table_of_variables, "file.nc", variables, coords, {})
 
 
 def test_other_objects_are_refused() -> None:

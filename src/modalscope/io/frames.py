@@ -76,7 +76,7 @@ def table_of_variables(where: str, variables: Variables, coords: Variables, stat
 
     `coords`: those that give dimensions their values. `stated`: numbers of the whole, such as a rate.
 
-    Raises `DataError`: no dimension that all have.
+    Raises `DataError`: no dimension that all have, or another number of its values.
     """
     sizes = {dim: n for dims, values, _ in variables.values() for dim, n in zip(dims, values.shape, strict=True)}
     shared = [dim for dim in sizes if all(dim in dims for dims, _, _ in variables.values())]
@@ -86,7 +86,10 @@ def table_of_variables(where: str, variables: Variables, coords: Variables, stat
     if axis is None:
         fault = f"its variables ({', '.join(list(variables)[:6])}) have no dimension in common"
         raise unreadable(where, fault, "Give the variables of one axis.")
-    columns = [_column(1, axis, coords[axis][2], coords[axis][1])] if axis in coords else []
+    own = coords.get(axis)
+    if own is not None and own[1].shape != (sizes[axis],):
+        raise unreadable(where, f"{axis!r} has {own[1].size} values for {sizes[axis]} of the others", "Write it anew.")
+    columns = [] if own is None else [_column(1, axis, own[2], own[1])]
     for name, (dims, values, unit) in variables.items():
         flat = np.moveaxis(values, dims.index(axis), 0).reshape(sizes[axis], -1)
         further = [dim for dim in dims if dim != axis]
@@ -102,8 +105,8 @@ def _column(number: int, name: Any, unit: str, values: Array) -> Column:
     """Return a column; dates and durations become seconds from the first."""
     bare, unit_of_name = split_head("" if name is None else str(name))
     if values.dtype.kind in "mM":
-        seconds = (values - values[0]) / np.timedelta64(1, "ns") * 1e-9
-        return Column(number=number, name=bare or "time", unit="s", values=seconds, stamps=True)
+        values, named = (values - values[0]) / np.timedelta64(1, "ns") * 1e-9, bare or "time"
+        return Column(number=number, name=named, unit="s", values=values, stamps=True)
     if values.dtype.kind in "OUS":
         try:
             values = values.astype(float)

@@ -49,6 +49,14 @@ def test_as_many_exponentials_as_there_are_explain_all_and_fewer_do_not() -> Non
     assert unexplained_by_decay(y, 4) > 1e-3
 
 
+@pytest.mark.parametrize("unit", [1e-9, 1e9])
+def test_no_unit_of_a_channel_decides_where_a_decay_begins_and_what_it_leaves(unit: float) -> None:
+    y = decay(2000, 20.0, before=400, noise=0.01)
+    one, other = release_of(y), release_of(y * [1.0, unit])
+    assert one is not None
+    assert other == pytest.approx(one, rel=1e-9)
+
+
 def test_a_decay_begins_at_its_release() -> None:
     release = release_of(decay(2000, 20.0, before=400, noise=0.01))
     assert release is not None

@@ -170,7 +170,8 @@ def release_of(y: RealArray, weighed: bool = True) -> tuple[int, float] | None:
     level = np.mean(y**2, axis=0)
     if not np.all(level > 0):
         return None
-    power = np.sum(y**2 / level, axis=1)
+    y = y / np.sqrt(level)  # a channel in a small unit would decide alone
+    power = np.sum(y**2, axis=1)
     first = int(np.argmax(power >= _POWER_AT_RELEASE * power.max()))
     decay, power = y[first:], power[first:]
     quarter = len(decay) // 4
