@@ -64,6 +64,16 @@ def test_shapes_stay_where_a_strong_mode_is_missing_in_the_list() -> None:
     assert np.linalg.norm(found.deviations) > 0.3 * np.linalg.norm(found.shapes)  # the lines have another one
 
 
+def test_a_shape_whose_neighbour_is_unknown_is_known_less_well(monkeypatch: pytest.MonkeyPatch) -> None:
+    f, sizes = np.array([1.0, 1.006]), np.ones(2)  # a third of their bandwidths apart
+    record = hidden_modes(np.random.default_rng(3), f, ZETA, SHAPES, sizes, 20.0).record
+    modes = ModalModel(poles=poles_from(f, ZETA), shapes=SHAPES.astype(complex))
+    beside, plain = line_shapes(record, modes).deviations, _Lobe.covariance
+    monkeypatch.setattr(_Lobe, "covariance", lambda lobe, at, _, slopes: plain(lobe, at, [], slopes[:, :1]))
+    alone = line_shapes(record, modes).deviations
+    assert np.all(np.linalg.norm(beside, axis=0) > 1.005 * np.linalg.norm(alone, axis=0))
+
+
 @pytest.mark.slow
 def test_deviations_are_the_scatter_of_shapes() -> None:
     """Errors across a shape are sums of two squares: forty records tell their mean to a sixth."""
