@@ -195,7 +195,8 @@ class ModalModel(ModeFields):
     frequencies_std, damping_ratios_std : array, (n,), optional
         Standard deviation from the noise (Hz, ratio); NaN where it is withheld, None where it was not asked for.
     shapes_std : array, (l, n), optional
-        Standard deviation of every component of the shapes from the noise, sqrt(E |phi - E phi|^2).
+        Standard deviation of every component of the shapes from the noise, sqrt(E |phi - E phi|^2), of what is no change of size: this
+        is taken off where every channel counts by its level.
     frequencies_repeatability, damping_ratios_repeatability : array, (n,), optional
         Standard deviation between groups of inputs, runs or setups (Hz, ratio); None without groups.
     damping_ratios_lower : array, (n,), optional

@@ -64,15 +64,19 @@ def bound(
     return both[:n], both[n : 2 * n], covariance
 
 
-def shape_bound(modes: ModalModel, covariance: np.ndarray) -> np.ndarray:
-    """Return the deviations of shapes of length one, what only scales or turns them taken out, from the covariance of all unknowns."""
+def shape_bound(modes: ModalModel, covariance: np.ndarray, level: np.ndarray | float = 1.0) -> np.ndarray:
+    """Return the deviations of shapes of length one, from the covariance of all unknowns.
+
+    What only scales or turns them is taken out, outputs divided by their levels (l,).
+    """
     l, n = modes.shapes.shape
+    level = np.broadcast_to(level, l)
     found = []
     for j in range(n):
         real = 2 * n + j + n * np.arange(l)
         rows = np.concatenate([real, real + n * l])
         c = modes.shapes[:, j]
-        P = np.eye(l) - np.outer(c, c.conj()) / np.vdot(c, c).real
+        P = np.eye(l) - np.outer(c, c.conj() / level**2) / np.sum(np.abs(c / level) ** 2)
         T = np.hstack([P, 1j * P]) / np.linalg.norm(c)
         found.append(np.sqrt(np.diag(T @ covariance[np.ix_(rows, rows)] @ T.conj().T).real))
     return np.stack(found, axis=1)

@@ -115,7 +115,7 @@ def test_with_the_variance_given_the_deviations_are_the_bound_itself():
     f, zeta, covariance = bound(data, truth, deviation)
     assert np.allclose(found.frequencies_std, f, rtol=1e-5)
     assert np.allclose(found.damping_ratios_std, zeta, rtol=1e-5)
-    assert np.allclose(found.shapes_std, shape_bound(truth, covariance), rtol=1e-4)
+    assert np.allclose(found.shapes_std, shape_bound(truth, covariance, np.array([1, 2, 3, 4])), rtol=1e-4)
 
 
 def test_outputs_and_inputs_may_change_places():

@@ -169,14 +169,17 @@ def _between(
 
 
 def _of_shapes(point: Point, fitted: Fitted, covariance: RealArray, own: RealArray) -> RealArray:
-    """Return the deviations of all shapes, (l, n); `own` (n,) or (q, n): variance of the side that follows, all else held."""
+    """Return the deviations of all shapes, (l, n), their size taken off in levels of the channels, which no unit changes.
+
+    `own` (n,) or (q, n): variance of the side that follows, all else held.
+    """
     shapes, _ = point.problem.scaled_back(point, fitted)
     turned = point.problem.turned
     scale = point.problem.varying if turned else point.problem.linear
     alone = np.zeros(shapes.shape) if turned else np.broadcast_to(own, shapes.shape)
     moved = _among_unknowns(point) if turned else _by_substitution(point, fitted)
     each = [
-        shape_deviations(shapes[:, j], alone[:, j] * scale**2, scale[:, None] * A, covariance)
+        scale * shape_deviations(shapes[:, j] / scale, alone[:, j], A, covariance)
         for j, A in enumerate(moved)
     ]
     return np.stack(each, axis=1)
