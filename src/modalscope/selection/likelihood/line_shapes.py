@@ -197,11 +197,12 @@ def _with_power(lines: _Lines, modes: ModalModel, real: RealArray) -> RealArray:
     ]
     found = np.zeros_like(real)
     for j in np.argsort(seen)[::-1]:
-        near = _near(lines, modes, found, int(j))
+        near = _near(lines, modes, int(j))
         if near is None:
             continue
-        v = 1 / np.einsum("a,fab,b->f", real[:, j], near.inverse, real[:, j])
-        power = np.mean(np.abs(v * (near.weighted @ real[:, j])) ** 2, axis=0)
+        inverse, weighted = _given_others(lines, found, int(j), near)
+        v = 1 / np.einsum("a,fab,b->f", real[:, j], inverse, real[:, j])
+        power = np.mean(np.abs(v * (weighted @ real[:, j])) ** 2, axis=0)
         excess = max(float(np.sum(power - v)), _MIN_POWER * float(np.sum(power)))
         found[:, j] = real[:, j] * np.sqrt(excess / max(float(np.sum(lines.powers[j, near.own])), 1e-300))
     return np.asarray(found)
@@ -224,17 +225,15 @@ def _within(lines: _Lines, f: float, near: float, far: float) -> IntArray:
 
 
 class _Near(NamedTuple):
-    """Lines of one mode `own` (f,), noise (l,), E^-1 of all others and of the noise there (f, l, l), and E^-1 Y (R, f, l)."""
+    """Lines of one mode `own` (f,), and the noise there (l,)."""
 
     own: IntArray
     noise: RealArray
-    inverse: RealArray
-    weighted: ComplexArray
 
 
-def _near(lines: _Lines, modes: ModalModel, shapes: RealArray, j: int) -> _Near | None:
-    """Return the lines of a mode given all others; None where they are too few."""
-    f, outputs = float(modes.frequencies[j]), len(shapes)
+def _near(lines: _Lines, modes: ModalModel, j: int) -> _Near | None:
+    """Return the lines of a mode; None where they are too few."""
+    f, outputs = float(modes.frequencies[j]), lines.Y.shape[2]
     if len(lines.frequencies) < 2:
         return None
     half = max(f * float(modes.damping_ratios[j]), 2 * float(lines.frequencies[1] - lines.frequencies[0]))
@@ -244,24 +243,29 @@ def _near(lines: _Lines, modes: ModalModel, shapes: RealArray, j: int) -> _Near 
     )
     if len(lines.Y) * min(own.size, beside.size) < max(_MIN_LINES, 2 * outputs):
         return None
-    noise = _noise(lines.Y[:, beside].reshape(-1, outputs))
-    inverse = _inverse_of_others(lines, shapes, j, own, noise)
-    return _Near(own, noise, inverse, np.einsum("fab,rfb->rfa", inverse, lines.Y[:, own]))
+    return _Near(own, _noise(lines.Y[:, beside].reshape(-1, outputs)))
+
+
+def _given_others(lines: _Lines, shapes: RealArray, j: int, near: _Near) -> tuple[RealArray, ComplexArray]:
+    """Return E^-1 of all other modes and of the noise on the lines of one, (f, l, l), and E^-1 Y (R, f, l)."""
+    inverse = _inverse_of_others(lines, shapes, j, near.own, near.noise)
+    return inverse, np.einsum("fab,rfb->rfa", inverse, lines.Y[:, near.own])
 
 
 def _estimated(lines: _Lines, modes: ModalModel, shapes: RealArray, j: int) -> RealArray:
     """Return the shape of one mode given all others; as it is where its lines are too few, or it has no power in them."""
-    near, phi = _near(lines, modes, shapes, j), shapes[:, j]
+    near, phi = _near(lines, modes, j), shapes[:, j]
     if near is None or not np.any(phi):
         return phi
+    inverse, weighted = _given_others(lines, shapes, j, near)
     runs, P = len(lines.Y), lines.powers[j, near.own]
     for _ in range(_STEPS_PER_MODE):
-        v = 1 / np.einsum("a,fab,b->f", phi, near.inverse, phi)
+        v = 1 / np.einsum("a,fab,b->f", phi, inverse, phi)
         share = P / (P + v)
-        m = share * v * (near.weighted @ phi)
+        m = share * v * (weighted @ phi)
         p = np.sum(np.abs(m) ** 2, axis=0) + runs * v * share
-        left = np.einsum("f,fab->ab", p, near.inverse)
-        phi = np.linalg.solve(left, np.einsum("rfa,rf->a", near.weighted, m.conj()).real)
+        left = np.einsum("f,fab->ab", p, inverse)
+        phi = np.linalg.solve(left, np.einsum("rfa,rf->a", weighted, m.conj()).real)
     return np.asarray(phi)
 
 
@@ -454,7 +458,7 @@ def _over_lines(one: ComplexArray, other: ComplexArray) -> RealArray:
 
 def _scored(lines: _Lines, modes: ModalModel, shapes: RealArray, forces: RealArray, j: int) -> _Scored | None:
     """Return the shape of one mode, and of those beside it, at the maximum of the likelihood of its lines; None where they are too few."""
-    near = _near(lines, modes, shapes, j)
+    near = _near(lines, modes, j)
     if near is None or not np.any(shapes[:, j]):
         return None
     lobe, beside = _lobe_of(lines, modes, shapes, near, j)
