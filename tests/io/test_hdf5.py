@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import modalscope.io as mio
+from benchmarks.exports.verdict import dead_ends
 from modalscope.io import apart, hdf5, hdf5_walk
 from modalscope.io.limits import room
 from tests.io import samples
-from tests.io.exports.verdict import dead_ends
 from tests.support import refused
 
 h5py = pytest.importorskip("h5py")

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 
 import modalscope as ms
+from benchmarks.records.placed import one_place, repeated_places, several_places
+from benchmarks.records.roving import Roving, roving
 from modalscope.identification.routes import usual_route
 from modalscope.interfaces.cli import main
 from modalscope.signals.doctor import examine
@@ -18,8 +20,6 @@ from modalscope.signals.doctor.places import against_labels, label_by_place, pla
 from modalscope.signals.doctor.runs import changed_runs
 from modalscope.signals.preprocess import estimate_frf
 from modalscope.systems import chain5
-from tests.signals.doctor.placed import one_place, repeated_places, several_places
-from tests.signals.doctor.roving import Roving, roving
 from tests.support import measured, random_system
 
 DT = chain5().dt

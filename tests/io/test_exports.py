@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 import modalscope as ms
+from benchmarks.exports import remedies, several
+from benchmarks.exports.draw import HALVES, SHARED, draw_choices
+from benchmarks.exports.measure import by_dimension, measure, table
+from benchmarks.exports.verdict import COSTS, dead_ends, obeyed, suggestions, tried
+from benchmarks.exports.words import FAR, NEAR
+from benchmarks.exports.write import write
 from modalscope.interfaces.cli import main
-from tests.io.exports import remedies, several
-from tests.io.exports.draw import HALVES, SHARED, draw_choices
-from tests.io.exports.measure import by_dimension, measure, table
-from tests.io.exports.verdict import COSTS, dead_ends, obeyed, suggestions, tried
-from tests.io.exports.words import FAR, NEAR
-from tests.io.exports.write import write
 from tests.io.ordinary import CASES, RATE
 from tests.support import DATA
 

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 import modalscope as ms
+from benchmarks.exports.draw import HALVES, PLAIN, Choices, draw_choices
+from benchmarks.exports.write import Drawn, write
 from modalscope.data.units import in_si
 from modalscope.interfaces.cli.commands import build_parser
 from modalscope.interfaces.cli.reading import reading_options
-from tests.io.exports.draw import HALVES, PLAIN, Choices, draw_choices
-from tests.io.exports.write import Drawn, write
 
 #: Verdicts, from good to bad, and what each costs.
 COSTS = {
