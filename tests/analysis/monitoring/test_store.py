@@ -204,8 +204,12 @@ with Store(sys.argv[1]) as store:
 """
 
 
-def _killed(path: Path, times: int) -> None:
-    """Kill a process that stores as it works, and look at what is left."""
+@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="the system has no kill -9")
+@pytest.mark.parametrize(
+    "times", [pytest.param(1, marks=pytest.mark.slow), pytest.param(50, marks=pytest.mark.study("robustness"))]
+)
+def test_nothing_is_lost_or_twice_when_it_is_killed(tmp_path: Path, times: int) -> None:
+    path = tmp_path / "a.modes"
     draw, before = np.random.default_rng(1), 0
     for _ in range(times):
         work = subprocess.Popen([sys.executable, "-c", WORK, str(path)], stdout=subprocess.PIPE)
@@ -223,18 +227,6 @@ def _killed(path: Path, times: int) -> None:
         assert found.frequencies.tolist() == [f + k for k in range(len(found)) for f in range(1, 9)]
         before = len(found)
     assert before > 0
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="the system has no kill -9")
-def test_nothing_is_lost_or_twice_when_it_is_killed(tmp_path: Path) -> None:
-    _killed(tmp_path / "a.modes", 1)
-
-
-@pytest.mark.study("robustness")
-@pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="the system has no kill -9")
-def test_nothing_is_lost_or_twice_when_it_is_killed_fifty_times(tmp_path: Path) -> None:
-    _killed(tmp_path / "a.modes", 50)
 
 
 @pytest.fixture
