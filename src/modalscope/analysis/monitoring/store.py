@@ -240,9 +240,9 @@ class Store:
             takes them.
         workers : int
             Processes that identify; within `working(client)` the workers of its scheduler do.
-        times : datetime64, ISO texts or seconds since 1970 (UTC), one a file, optional
+        times : datetime64, ISO texts or seconds since 1970 (UTC), one per file, optional
             When the records began; by default what the names of the files say, else when they were last changed.
-        covariates : mapping of name to number or array, one a file, optional
+        covariates : mapping of name to number or array, one per file, optional
             What else was measured then.
         time : optional
             As `times`, of one record.
