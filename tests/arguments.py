@@ -174,7 +174,6 @@ OWNERS = {
     "monitoring.Tracks": lambda t: t["tracks"],
     "preprocess.Decomposition": lambda t: t["decomposition"],
     "preprocess.Finding": lambda t: Finding(kind="a", channels=("b",), reason="c", change="d"),
-    "systems.HardeningRig": lambda t: systems.HardeningRig(),
     "systems.Structure": lambda t: CHAIN,
 }
 
@@ -290,9 +289,6 @@ GIVEN: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "preprocess.integrate": lambda t: {"signals": t["records"], "times": 1, "lowest": 0.5},
     "preprocess.merge": lambda t: {"parts": [t["lines"]]},
     "preprocess.merge_setups": lambda t: {"parts": [t["correlation"], t["correlation"]]},
-    "systems.HardeningRig": lambda t: {},
-    "systems.HardeningRig.backbone": lambda t: {"amplitude": [0.01]},
-    "systems.HardeningRig.dwell": lambda t: {"forces": [0.1], "frequencies": [5.0], "duration": 1.0},
     "systems.add_noise": lambda t: {"data": t["lines"], "fraction": 0.1},
     "StabilizationDiagram.deviations_at": lambda t: {"index": np.array([0])},
     "systems.build": lambda t: {"name": "chain5"},
@@ -322,7 +318,6 @@ GIVEN: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "StoredSignals.chunk": lambda t: {"start": 0, "stop": 20},
     "StoredSignals.part": lambda t: {"start": 0, "stop": 20},
     "StateSpace.frequency_response": lambda t: {"frequencies": LINES},
-    "StateSpace.from_other": lambda t: {"system": t["model"].to_scipy()},
     "StateSpace.impulse_response": lambda t: {"samples": 20},
     "StateSpace.markov_parameters": lambda t: {"samples": 20},
     "StateSpace.simulate": lambda t: {"inputs": np.ones((20, len(t["model"].B.T)))},

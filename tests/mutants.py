@@ -117,7 +117,9 @@ def _is_there(root: Path, test: str) -> bool:
 
 def copy_to(folder: Path, root: Path = ROOT) -> Path:
     """Copy what tests need; compiled files carry the hash of their source, so that a fault of the same size is never missed."""
-    for name in (folder_name for folder_name in ("src", "tests", "examples") if (root / folder_name).exists()):
+    for name in (
+        folder_name for folder_name in ("src", "tests", "benchmarks", "examples") if (root / folder_name).exists()
+    ):
         shutil.copytree(root / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
     for name in BESIDE:
         if (root / name).exists():
@@ -159,7 +161,7 @@ def _run_here(folder: Path, tests: tuple[str, ...], which: str, log: Path, end: 
     os.chdir(folder)
     os.environ["PYTHONPATH"] = str(folder / "src")  # for the commands that tests start
     sys.path[:0] = [str(folder / "src"), str(folder)]
-    for name in [name for name in sys.modules if name.partition(".")[0] == "tests"]:
+    for name in [name for name in sys.modules if name.partition(".")[0] in ("tests", "benchmarks")]:
         del sys.modules[name]  # those of the copy are meant
     with log.open("w") as said:
         os.dup2(said.fileno(), 1)

@@ -19,7 +19,7 @@ SOURCE, TESTS = ROOT / "src" / "modalscope", ROOT / "tests"
 CLI = Path("interfaces/cli")
 
 #: Facts on every method of the table, files of every kind of export, and attacks on all of it.
-ACROSS = {"methods", "io/exports", "attack"}
+ACROSS = {"methods", "attack"}
 
 MODULES = {path.relative_to(SOURCE).with_suffix("") for path in SOURCE.rglob("*.py") if path.stem != "__init__"}
 FILES = sorted(path.relative_to(TESTS) for path in TESTS.rglob("test_*.py"))

@@ -843,7 +843,6 @@ def _() -> Told:
     return {
         "okid": data(found),
         "order": data(face.estimate_markov(driven(), observer_order=12, samples=100)),
-        "direct": data(face.estimate_markov(driven(), method="least squares", samples=200)),
         "modes": selected(found, orders=range(4, 25, 4)),
     }
 

@@ -146,23 +146,6 @@ def test_scipy_and_control_models_are_the_same_model() -> None:
         assert relative(model.frequency_response(f).values, theirs.reshape(5, *model.D.shape)) < 1e3 * ROUNDING
 
 
-def test_models_of_scipy_and_control_are_taken_over() -> None:
-    control = pytest.importorskip("control")
-    for model in (
-        random_system(np.random.default_rng(0), sampled=False),
-        random_system(np.random.default_rng(1), direct=True),
-    ):
-        for other in (model.to_scipy(), model.to_control()):
-            back = StateSpace.from_other(other)
-            for name in "ABCD":
-                np.testing.assert_array_equal(getattr(back, name), getattr(model, name))
-            assert back.dt == model.dt
-    with pytest.raises(DataError, match=r"it has only dt=True"):
-        StateSpace.from_other(control.ss([[0.5]], [[1]], [[1]], [[0]], True))
-    with pytest.raises(DataError, match=r"TransferFunction.* has no A, B, C, D"):
-        StateSpace.from_other(control.tf([1], [1, 1]))
-
-
 def test_a_pole_on_the_negative_real_axis_has_no_continuous_model() -> None:
     model = StateSpace(A=[[-0.5, 0], [0, 0.9]], B=[[1], [1]], C=[[1, 1]], dt=0.1)
     with pytest.raises(DataError, match=r"1 poles of the sampled one lie on the real axis at or below zero \(-0.5\)"):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,7 +12,6 @@ import pytest
 import modalscope as ms
 from modalscope.extras import meshes
 from modalscope.io import apart
-from tests.io.mutations import KINDS
 from tests.support import refused
 
 POINTS = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 0.5]]
@@ -282,24 +280,6 @@ def test_a_file_cut_anywhere_is_read_as_far_as_it_is_whole_or_refused(tmp_path: 
                 continue
             assert name.endswith("vtk"), (name, k)
             assert len(geometry.nodes) == 5
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", FILES)
-def test_damage_is_answered_in_words(tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    def elsewhere(path: Path) -> meshes.Mesh:
-        raise ms.DataError("a form of meshio", "it is not installed", "")
-
-    monkeypatch.setattr(meshes, "_by_meshio", elsewhere)
-    rng = np.random.default_rng(0)
-    for _ in range(400):
-        data = bytearray(FILES[name].encode())
-        for mutate in rng.choice(len(KINDS), 2):
-            KINDS[int(mutate)](data, rng)
-            data = data or bytearray(b" ")
-        (tmp_path / name).write_bytes(bytes(data))
-        with contextlib.suppress(ms.DataError):
-            meshes.read_mesh(tmp_path / name, {})
 
 
 @pytest.fixture

@@ -9,13 +9,13 @@ import pytest
 import scipy.linalg as sla
 
 import modalscope as ms
+from benchmarks.records.record_bound import Unmeasured, bound_of_poles, innovations_model, whitened
 from modalscope.analysis.workflow.prediction_error import least_prediction_errors
 from modalscope.data import Records
 from modalscope.data.records import as_records
 from modalscope.extras.predictor_fit import _first, autoregression, fitted
 from modalscope.identification.identify import identify
 from modalscope.identification.matrices.driven import driven_projection
-from tests.methods.record_bound import Unmeasured, bound_of_poles, innovations_model, whitened
 from tests.studies import Study
 from tests.support import match_poles, random_system
 

@@ -1,10 +1,8 @@
 """Bad files and places are answered by a DataError of three parts, and leave nothing behind."""
 
-import numpy as np
 import pytest
 
 import modalscope.io as mio
-from modalscope.data import DataError
 from tests.io import samples
 from tests.support import refused
 
@@ -61,20 +59,3 @@ def test_unknown_options_name_the_known_ones(tmp_path):
 def test_foreign_contents_are_refused_by_every_reader(tmp_path, suffix, data):
     (tmp_path / f"a{suffix}").write_bytes(data)
     refused(": |needs", mio.read, tmp_path / f"a{suffix}")
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("suffix", [".npz", ".h5", ".mat", ".json", ".csv"])
-def test_truncations_and_flips_raise_nothing_but_data_errors(tmp_path, suffix):
-    path, rng = tmp_path / f"a{suffix}", np.random.default_rng(7)
-    mio.write(path, samples.modes() if suffix == ".json" else samples.records())
-    data = path.read_bytes()
-    cuts = [data[:k] for k in rng.integers(1, len(data), 40)]
-    for place, change in zip(rng.integers(0, len(data), 40), rng.integers(1, 256, 40), strict=True):
-        cuts += [data[:place] + bytes([data[place] ^ int(change)]) + data[place + 1 :]]
-    for changed in cuts:
-        path.write_bytes(changed)
-        try:
-            mio.read(path)
-        except DataError as error:
-            assert error.change  # noqa: PT017 - any other exception fails the test by itself

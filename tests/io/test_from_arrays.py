@@ -5,9 +5,9 @@ import pytest
 from scipy.io import savemat
 
 import modalscope.io as mio
+from benchmarks.exports.verdict import dead_ends, obeyed, suggestions
 from modalscope.io.arrays import to_arrays
 from tests.io import samples
-from tests.io.exports.verdict import dead_ends, obeyed, suggestions
 from tests.support import refused
 
 RNG = np.random.default_rng(4)

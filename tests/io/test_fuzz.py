@@ -6,7 +6,8 @@ import sys
 
 import pytest
 
-from tests.io import corpus, fuzz
+from tests.attack.harness import whole_files
+from tests.io import fuzz
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the watch over processes is that of Linux")
 
@@ -14,7 +15,7 @@ pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="the watch over 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory):
     folder = tmp_path_factory.mktemp("corpus")
-    corpus.write(folder)
+    whole_files(folder)
     return folder
 
 

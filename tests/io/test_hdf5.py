@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import sys
-import time
 
 import numpy as np
 import pytest
 
 import modalscope.io as mio
+from benchmarks.exports.verdict import dead_ends
 from modalscope.io import apart, hdf5, hdf5_walk
 from modalscope.io.limits import room
 from tests.io import samples
-from tests.io.exports.verdict import dead_ends
 from tests.support import refused
 
 h5py = pytest.importorskip("h5py")
@@ -96,9 +95,7 @@ def test_a_walk_that_breaks_off_or_hangs_is_an_error_of_the_file(foreign, tmp_pa
     (tmp_path / "walk.py").write_text(program)
     monkeypatch.setattr(hdf5_walk, "__file__", str(tmp_path / "walk.py"))
     monkeypatch.setitem(apart.LIMITS, "h5py", ((2, 10**9), (2, 10**9), 3))
-    start = time.monotonic()
     refused(found, mio.read, foreign)
-    assert time.monotonic() - start < 30
 
 
 def test_inside_of_another_program_the_walk_is_made_here(foreign, monkeypatch):

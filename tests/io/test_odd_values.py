@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,6 @@ import pytest
 import modalscope as ms
 from modalscope import DataError
 from modalscope.io.columns.axis import sampling_of
-from modalscope.io.text.wrapped import head_of
 from tests.io import test_stored
 from tests.io.apart import ending
 
@@ -102,12 +100,3 @@ def test_columns_of_0_and_1_are_no_times(tmp_path: Path) -> None:
     np.savetxt(tmp_path / "directions.txt", np.column_stack([column, 1 - column, column]), fmt="%d", delimiter="\t")
     with pytest.raises(DataError, match="needs a column of measured values"):
         ms.read(tmp_path / "directions.txt")
-
-
-def test_a_line_of_digits_takes_a_time_that_grows_with_it() -> None:
-    """It grew with the square: 2.6 s for 10 000 digits."""
-    for below in ("1" * 100_000 + "x", "5 " + "1" * 100_000 + "x"):
-        begin = time.process_time()
-        assert head_of(["NPTS= 4000, DT= .01 SEC", below]) is None
-        assert head_of([below]) is None
-        assert time.process_time() - begin < 1.0

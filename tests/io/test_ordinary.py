@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-import shlex
 from pathlib import Path
 from typing import Any
 
@@ -12,12 +10,9 @@ import pytest
 
 import modalscope as ms
 import modalscope.io as mio
-from modalscope.interfaces.cli.commands import build_parser
-from modalscope.interfaces.cli.reading import reading_options
+from benchmarks.exports.verdict import dead_ends, message, obeyed, suggestions
 from tests.io.ordinary import CASES, FREQUENCIES, HITS, RATE, RESPONSES, Case
-
-#: Options that take no value.
-_FLAGS = ("--transpose",)
+from tests.support import refused
 
 #: Files that hold less than it takes: no header, no unit, no rate, or a doubt that only the user can settle.
 REFUSED = {
@@ -40,23 +35,6 @@ REFUSED = {
     "a workbook of two tables": "--test",
     "a column that says overload": "--ignore",
 }
-
-
-def suggestions(message: str) -> list[list[str]]:
-    """Return the options that a message names, as words of a command line, each way by itself."""
-    ways = []
-    for text in re.split(r",? or (?=--)", message[message.index("--") :]):
-        words, way = shlex.split(text.replace(";", " ;").rstrip(".")), []
-        while words and words[0].startswith("--"):
-            count = 1 if words[0] in _FLAGS else 2
-            way += [word.rstrip(",.") if len(word) > 1 else word for word in words[:count]]
-            words = words[count:]
-        ways.append([str(RATE) if word == "HZ" else word for word in way])
-    return ways
-
-
-def told_to_read(path: Path, words: list[str]) -> Any:
-    return ms.read(path, **reading_options(build_parser().parse_args(["info", str(path), *words]), path))
 
 
 def is_right(thing: Any, case: Case) -> bool:
@@ -87,7 +65,7 @@ def attempts(path: Path, limit: int = 3) -> tuple[list[list[str]], list[Any]]:
         for words in waiting:
             tried.append(words)
             try:
-                things.append(told_to_read(path, words))
+                things.append(obeyed(path, words, RATE).thing)
             except ms.DataError as error:
                 further += [[*words, *more] for more in suggestions(error.args[0])]
         waiting = further
@@ -102,6 +80,7 @@ def test_an_ordinary_file_is_read_or_names_the_option_that_reads_it(tmp_path: Pa
     case.write(path)
     tried, things = attempts(path)
     assert any(is_right(thing, case) for thing in things)
+    assert not dead_ends(path, message(path), RATE)
     if name in REFUSED:
         assert any(REFUSED[name] in words for words in tried)
     else:
@@ -112,3 +91,23 @@ def test_an_ordinary_file_is_read_or_names_the_option_that_reads_it(tmp_path: Pa
 def test_there_are_more_than_forty_and_most_are_read_at_once() -> None:
     assert len(CASES) >= 40
     assert len(REFUSED) < len(CASES) / 3
+
+
+def test_rows_of_another_length_and_texts_among_numbers_are_named_by_their_line(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    good = [f"{k / 100:.2f},{k % 7},{k % 5}" for k in range(900)]
+    path.write_text("Time,Force,AccA\n" + "\n".join([*good[:700], "7.0,1", *good[701:]]))
+    refused(r"line 702 has 2: \['7.0', '1'\]", ms.read, path)
+    path.write_text("Time,Force,AccA\n" + "\n".join([*good[:700], "7.00,1,OVL", *good[701:]]))
+    refused(r"line 702 holds 'OVL' there(.|\n)*ignore=\[3\]", ms.read, path)
+    path.write_text(
+        "Time,Force,AccA,AccB\n" + "\n".join(f"{line},{'OVL' if k == 700 else 1}" for k, line in enumerate(good))
+    )
+    assert ms.read(path, ignore=4).output_dofs == ("AccA",)
+
+
+def test_rows_of_many_samples_are_read_when_they_are_said_to_be_channels(tmp_path: Path) -> None:
+    path = tmp_path / "a.csv"
+    path.write_text("".join(",".join(map(str, row)) + "\n" for row in np.arange(60_000).reshape(2, 30_000) % 7))
+    refused("29999 cells in line 1(.|\n)*transpose=True", ms.read, path, sampling_rate=100.0)
+    assert ms.read(path, sampling_rate=100.0, transpose=True).outputs.shape == (30_000, 2)

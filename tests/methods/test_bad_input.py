@@ -24,8 +24,6 @@ RESPONSE = CHAIN.impulse_response(200)
         ({"order": 0}, "order"),
         ({"order": 10, "row_shifts": [0, 2, 4, 6]}, "multiples of 2"),
         ({"order": 10, "form": "both"}, "form"),
-        ({"order": 10, "weights": "level"}, "works on samples"),
-        ({"order": 10, "blok_rows": 10}, "did you mean 'block_rows'"),
         ({"order": 10, "reduction": "markov"}, "only the canonical form of the null space"),
         ({"order": 10, "factorization": "power"}, "factorization"),
     ],
@@ -138,13 +136,6 @@ def test_a_defective_pair_of_poles_loses_half_of_the_digits_and_no_more():
     found = identify(response, method="era", order=2, block_rows=10, block_columns=30)
     assert np.max(abs(found.modes.poles + 5)) < 1e-5
     assert relative(found.rebuild().values, response.values) < 1e-9
-
-
-def test_channels_of_zeros_are_named():
-    values = RESPONSE.values.copy()
-    values[:, 2] = 0
-    with pytest.raises(DataError, match=r"(?s)output .* is zero throughout.*exclude"):
-        identify(ImpulseResponse(values=values, sampling_rate=20.0), order=4)
 
 
 def test_a_bad_sensor_left_out_of_all_but_the_first_block():

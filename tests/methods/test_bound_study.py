@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from benchmarks.records.bound_cases import DECIBEL, KINDS, Case, identified, random_case, rows_of, selected
 from modalscope.identification.method import Method
 from modalscope.identification.method_names import find_method
-from tests.methods.bound_cases import DECIBEL, KINDS, Case, identified, random_case, rows_of, selected
 from tests.selection.judging.bound import bound
 from tests.studies import Study
 

@@ -140,15 +140,6 @@ def test_i3_with_columns_is_the_controllable_form(case):
     assert apart(np.linalg.eigvals(p.triple(n).A), np.linalg.eigvals(want)) < EXACT
 
 
-def test_the_inversion_lemma_behind_the_normal_equations(case):
-    """(E P)# = [I + p' (I - p p')^-1 p] (E P)', p the last block row of P (Eq. 57)."""
-    P, l = case.tall_factors.P, case.l
-    EP, p = P[:-l], P[-l:]
-    lemma = (np.eye(case.n) + p.T @ np.linalg.inv(np.eye(l) - p @ p.T) @ p) @ EP.T
-    assert relative(lemma, np.linalg.pinv(EP)) < EXACT
-    assert relative(np.linalg.solve(EP.T @ EP, EP.T), lemma) < EXACT
-
-
 def test_i6_row_compression_by_an_orthogonal_matrix_or_by_leading_directions_is_era(case):
     era = np.linalg.eigvals(balanced(case.matrix, case.factors).triple(case.n).A)
     square = random_projection(case.H0.shape[0], case.H0.shape[0], seed=1)

@@ -22,27 +22,9 @@ def test_overlapping_bands_give_each_mode_once() -> None:
     assert "merged from bands 0.5 to 3 Hz" in merged.processing[-1]
 
 
-def test_of_two_the_one_deeper_inside_its_band_stays() -> None:
-    modes = FIVE["chain5"]().modes()
-    marked = [modes.take([2]).processed("a"), modes.take([2]).processed("b")]
-    marked = [type(m)(poles=m.poles * (1 + 1e-5 * i), shapes=m.shapes) for i, m in enumerate(marked)]
-    f = modes.frequencies[2]
-    merged = merge_bands(marked, [(f - 0.01, f + 2), (f - 1, f + 1)])
-    assert len(merged) == 1
-    assert merged.poles[0] == marked[1].poles[0]
-
-
 def test_repeated_modes_of_one_band_stay_apart() -> None:
     modes = FIVE["ring5"]().modes()
     assert len(merge_bands([modes, modes], [(0, 4), (3, 8)])) == 5
-
-
-def test_what_cannot_be_merged() -> None:
-    modes = FIVE["chain5"]().modes()
-    with pytest.raises(DataError, match="one band for each"):
-        merge_bands([modes], [])
-    with pytest.raises(DataError, match="outputs or inputs differ"):
-        merge_bands([modes, modes.select(outputs=[0, 1])], [(0, 1), (1, 2)])
 
 
 def test_bands_and_lines_that_cannot_be_used() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
-from tests.methods.bound_cases import DECIBEL, Case, errors, random_case
+from benchmarks.records.bound_cases import DECIBEL, Case, errors, random_case
 from tests.studies import Study
 from tests.support import add_noise
 

@@ -51,10 +51,3 @@ def test_options_of_the_table_are_known_to_the_verbs_that_hand_them_on() -> None
     for verb in (ms.identify, ms.stabilize, ms.sweep, ms.realize, ms.compare):
         with pytest.raises(ms.DataError, match="did you mean 'block_rows'"):
             verb(None, blok_rows=3)
-
-
-def test_an_option_of_other_rows_is_refused_with_the_rows_that_have_it() -> None:
-    response = ms.systems.chain5().impulse_response(100)
-    with pytest.raises(ms.DataError, match="works on samples") as error:
-        ms.identify(response, method="era", order=10, weights="level")
-    assert "alternate (s)" in str(error.value)

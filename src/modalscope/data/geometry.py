@@ -251,7 +251,7 @@ class Geometry(Shown):
         labels : tuple of str, (l,)
             Channels of the shape.
         shape : array, (l,)
-            One value a channel.
+            One value per channel.
         """
         if np.shape(shape) != (len(labels),):
             raise DataError(f"shape needs {len(labels)} values", f"it has {np.shape(shape)}", "Give one per channel.")

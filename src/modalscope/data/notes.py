@@ -167,7 +167,7 @@ class _Row:
 
     @classmethod
     def from_dict(cls, entries: Mapping[str, Any]) -> Self:
-        """Take back what `to_dict` gave; entries of later versions are left."""
+        """Take back what `to_dict` gave; entries of later versions are ignored."""
         check_kind("an entry of the file", entries, Mapping)
         named = {"frequency" if name == "frequency_hz" else name: value for name, value in entries.items()}
         known = {each.name: named[each.name] for each in fields(cls) if each.name in named}  # type: ignore[arg-type]

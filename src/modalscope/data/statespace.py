@@ -260,30 +260,3 @@ class StateSpace(Quadruple):
         names = {side: [name.replace(".", "_") for name in each] for side, each in sides.items()}
         given = {side: each for side, each in names.items() if each and len(set(each)) == len(each)}
         return control.ss(self.A, self.B, self.C, self.D, 0 if self.dt is None else self.dt, **given)
-
-    @classmethod
-    def from_other(cls, system: Any) -> StateSpace:
-        """Take over a state-space model of scipy or python-control.
-
-        Parameters
-        ----------
-        system : object
-            Anything with A, B, C, D and dt (None or 0 when it is continuous).
-
-        Raises
-        ------
-        DataError
-            One of these is missing, or a sampled model does not say its interval.
-        """
-        missing = [name for name in "ABCD" if not hasattr(system, name)]
-        if missing:
-            raise DataError(
-                "a state-space model needs A, B, C, D and dt",
-                f"{type(system).__name__} has no {', '.join(missing)}",
-                "Convert it there first, for instance by to_ss() or control.ss().",
-            )
-        dt = getattr(system, "dt", None)
-        if dt is True:
-            raise DataError("a sampled model needs its interval", "it has only dt=True", "Give dt in seconds.")
-        # python-control writes 0 for continuous time
-        return cls(**{name: getattr(system, name) for name in "ABCD"}, dt=dt or None)

@@ -111,7 +111,7 @@ class Finding:
     taken : bool
         Whether `read` returns it.
     reason : str
-        Why it was left; empty when it was taken.
+        Why it was ignored; empty when it was taken.
     """
 
     part: str

@@ -15,7 +15,7 @@ _FIELD = re.compile(
 
 
 def said_by_names(names: Sequence[str]) -> dict[str, tuple[str, ...]]:
-    """Return labels, one a file, that the numbers in which names differ give: of places by side, and of runs.
+    """Return labels, one per file, that the numbers in which names differ give: of places by side, and of runs.
 
     The keys are "input", "output", "" for a place of either side, and "run"; "unsigned" has the places if hyphens before directions, taken
     as signs, part them from their numbers. Of two numbers with directions the first is the response.

@@ -179,7 +179,7 @@ def _sorted(where: str, arrays: Mapping[str, Array]) -> _Evidence:
 def _along_one_axis(
     evidence: _Evidence, axes: Sequence[tuple[str, str, Array]], data: dict[str, Array]
 ) -> dict[str, Array]:
-    """Put the axis into the evidence and return the arrays along it; those along others are left, and a note says how to take them.
+    """Put the axis into the evidence and return the arrays along it; those along others are ignored, and a note says how to take them.
 
     Responses go before the records beside them, which are the last of those that were averaged; spectra and correlations are neither.
     """

@@ -3,7 +3,7 @@
 Versions 5 to 7.2 are read here element by element, 7.3 (which is HDF5) by h5py; version 5 is written, by scipy. scipy's reader trusts the
 sizes that a file states and can end the whole program on a damaged cell array (version 1.17 does). Here every size is checked before it
 is used, and compressed data are inflated within bounds (`limits`). Numeric arrays, text, cells and structures are read; sparse matrices,
-objects (tf, table, timetable) and functions are left by name.
+objects (tf, table, timetable) and functions are ignored, and named.
 
 Fields of a structure are named with a dot, `test.H`, and `rename` takes these names. Members of cells and of arrays of structures have
 their place in their name (`runs{2}`, `test(2).acc`); `members` says what they are together. MATLAB drops trailing axes of length one and

@@ -7,11 +7,9 @@ from modalscope.systems.examples import close4, iasc_asce, ring5, three_masses, 
 from modalscope.systems.listing import build, catalog, names
 from modalscope.systems.modal import modal_damping
 from modalscope.systems.records import add_noise
-from modalscope.systems.rig import HardeningRig
 from modalscope.systems.structure import Structure
 
 __all__ = [
-    "HardeningRig",
     "Structure",
     "add_noise",
     "build",
@@ -31,4 +29,4 @@ __all__ = [
     "three_masses_record",
 ]
 
-plain_methods(HardeningRig, Structure)
+plain_methods(Structure)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from benchmarks.records.years import SCATTER, SOUND, WEATHER, damaged, known, tracked
 from modalscope.analysis.monitoring import Alarms, History, alarms, track
 from modalscope.analysis.monitoring.change import _bounded
 from modalscope.analysis.monitoring.history import assembled, rows_of
@@ -17,7 +18,6 @@ from modalscope.data import DataError
 from modalscope.numerics.checks import IntArray
 from modalscope.systems import Structure, modal_damping
 from tests.analysis.monitoring.test_weather import moved, tracks
-from tests.analysis.monitoring.years import SCATTER, SOUND, WEATHER, damaged, known, tracked
 
 HALF = ("1970-01-01", "1970-02-10")
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.records.years import judged, year
 from modalscope.analysis.monitoring import History, read_history, track
 from modalscope.data import DataError
 from modalscope.numerics.checks import RealArray
-from tests.analysis.monitoring.years import judged, year
 from tests.support import DATA
 
 HOUR = 3600.0

@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from benchmarks.records.years import KNEE, NOISE, SLOPES, tracked
 from modalscope.analysis.monitoring import History, Tracks, explain
 from modalscope.analysis.monitoring.weather import in_common, inflation
 from modalscope.data import DataError
 from modalscope.numerics.checks import RealArray
-from tests.analysis.monitoring.years import KNEE, NOISE, SLOPES, tracked
 
 HOURS = np.arange(1500.0)
 AIR = 6 + 9 * np.sin(2 * np.pi * HOURS / 700) + 4 * np.sin(2 * np.pi * HOURS / 24)

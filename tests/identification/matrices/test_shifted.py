@@ -244,8 +244,3 @@ def test_arbitrary_shifts_of_samples() -> None:
 def test_what_samples_cannot_give_is_an_error(options: dict[str, object], text: str) -> None:
     with pytest.raises(DataError, match=text):
         identify(FIVE["chain5"]().impulse_response(200), method="era", domain="z", order=10, block_rows=10, **options)
-
-
-def test_samples_have_no_s_domain() -> None:
-    with pytest.raises(DataError, match="no rational transform in j w"):
-        identify(FIVE["chain5"]().impulse_response(200), method="era", domain="s", order=10)

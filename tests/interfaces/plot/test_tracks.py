@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.records.years import tracked, year
 from modalscope import plot
 from modalscope.analysis.monitoring import Alarms, alarms, explain, track
 from modalscope.data import DataError
 from modalscope.interfaces.plot.picture import Marks
 from modalscope.interfaces.plot.tracks import chart_picture
-from tests.analysis.monitoring.years import tracked, year
 
 
 def points(ax: object) -> int:

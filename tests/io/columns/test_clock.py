@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 
 import modalscope as ms
+from benchmarks.exports.verdict import dead_ends
 from modalscope.io import read, survey
 from modalscope.io.columns.axis import nearly_even, parts_of_second, sampling_of
 from modalscope.io.columns.clock import clock_of, resampled
-from tests.io.exports.verdict import dead_ends
 from tests.support import DATA, refused
 
 RATE, COUNT = 200.0, 2000

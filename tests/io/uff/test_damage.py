@@ -23,8 +23,6 @@ CASES = {
     "modes 55": (samples.modes, {"dataset": 55}),
     "modes 2414": (samples.modes, {"dataset": 2414, "nodes": 15, "lines": 2412}),
 }
-FLIPS = 60
-FLIPS_OF_STUDY = 10_000
 
 
 @pytest.fixture(params=CASES)
@@ -32,25 +30,6 @@ def file(request, tmp_path):
     make, options = CASES[request.param]
     mio.write(tmp_path / "whole.uff", make(), **options)
     return tmp_path / "whole.uff"
-
-
-def content(blocks):
-    return [(block.dataset, block.records, block.payload) for block in blocks]
-
-
-@pytest.mark.slow
-def test_every_truncation_is_refused_or_an_intact_prefix(file):
-    data = file.read_bytes()
-    whole = content(scan("whole.uff", data, room("whole.uff", len(data))))
-    boundaries = set()
-    for k in range(len(data)):
-        try:
-            part = content(scan("cut.uff", data[:k], room("cut.uff", k)))
-        except DataError:
-            continue
-        assert part == whole[: len(part)]
-        boundaries.add(len(part))
-    assert boundaries == set(range(1, len(whole) + 1))
 
 
 def test_what_is_read_from_a_truncated_file_comes_from_whole_sets(file, tmp_path):
@@ -79,19 +58,15 @@ def flipped(data, rng, count):
         yield bytes(changed)
 
 
-def check_flips(data, path, count, seed):
-    """Read `count` copies of a file with one byte changed; the reader answers by DataError or by sets of their stated size.
-
-    Return how many it refused.
-    """
-    refusals = 0
-    for changed in flipped(data, np.random.default_rng(seed), count):
+def test_a_flipped_byte_is_refused_or_changes_no_count(file, tmp_path):
+    """The reader answers by a DataError or by sets of their stated size."""
+    path = tmp_path / "flipped.uff"
+    for changed in flipped(file.read_bytes(), np.random.default_rng(1), 60):
         path.write_bytes(changed)
         try:
             thing = mio.read(path)
             blocks = [block for block in scan(path.name, changed, room(path.name, len(changed))) if block.dataset == 58]
         except DataError:
-            refusals += 1
             continue
         for block in blocks:
             function = read_function(path.name, block)
@@ -100,20 +75,6 @@ def check_flips(data, path, count, seed):
         axis = {"FrequencyResponse": "lines", "Signals": "samples"}.get(type(thing).__name__)
         if axis:
             assert getattr(thing, axis) in {int(block.records[6][10:20]) for block in blocks}
-    return refusals
-
-
-def test_a_flipped_byte_is_refused_or_changes_no_count(file, tmp_path):
-    check_flips(file.read_bytes(), tmp_path / "flipped.uff", FLIPS, seed=1)
-
-
-@pytest.mark.study("robustness")
-def test_ten_thousand_flipped_bytes(file, tmp_path, study, request):
-    refusals = check_flips(file.read_bytes(), tmp_path / "flipped.uff", FLIPS_OF_STUDY, seed=2)
-    name = request.node.callspec.params["file"]
-    table = study(f"universal file, {name}, one byte changed", f"{FLIPS_OF_STUDY} changes, seed 2")
-    table.row("refused", refusals)
-    table.row("read, with the stated number of values", FLIPS_OF_STUDY - refusals)
 
 
 def binary(tmp_path):

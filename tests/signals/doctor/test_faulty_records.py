@@ -10,6 +10,8 @@ import pytest
 from scipy.signal import lfilter
 
 import modalscope as ms
+from benchmarks.records import faulty_records
+from benchmarks.records.faulty_records import FAULTS, is_found, sound
 from modalscope.signals.doctor import examine
 from modalscope.signals.doctor.delays import delayed, exchanged
 from modalscope.signals.doctor.prediction import _gaps, prediction_of
@@ -17,8 +19,6 @@ from modalscope.signals.doctor.responses import no_complex_values
 from modalscope.signals.doctor.samples import wraps
 from modalscope.signals.preprocess.impacts import clipped_samples
 from modalscope.systems import chain5, over4
-from tests.signals.doctor import faulty_records
-from tests.signals.doctor.faulty_records import FAULTS, is_found, sound
 from tests.studies import Study
 
 

@@ -12,12 +12,12 @@ from scipy import signal
 from scipy.interpolate import CubicSpline
 
 import modalscope as ms
+from benchmarks.records.sound_records import ambient, oversampled, shaken, sound, struck
 from modalscope.data import Signals
 from modalscope.signals.doctor import examine
 from modalscope.signals.doctor.halves import changes, clocks, drifting
 from modalscope.signals.doctor.records import too_short
 from modalscope.signals.doctor.samples import overflows
-from tests.signals.doctor.sound_records import ambient, oversampled, shaken, sound, struck
 
 
 def cable(record: Signals, rng: np.random.Generator) -> Signals:

@@ -87,15 +87,6 @@ def test_a_slow_response_is_not_cut_without_a_word():
     assert np.abs(found.values[-1]).max() < 1e-4 * np.abs(found.values).max()
 
 
-def test_least_squares_of_a_response_that_decays():
-    model = random_system(np.random.default_rng(3), outputs=2, inputs=2, modes=2, damping=(0.2, 0.3), direct=True)
-    data = record(model, samples=3000)
-    found = estimate_markov(data, method="least squares", samples=250)
-    # the truncated tail, e^-(.2 2 pi .02 250) = 2e-3 of the response at worst, acts as noise
-    assert relative(found.values, model.markov_parameters(250)) < 0.01
-    assert relative(found.feedthrough, model.D) < 0.01
-
-
 @pytest.mark.parametrize(
     ("data", "options", "text"),
     [
@@ -105,21 +96,6 @@ def test_least_squares_of_a_response_that_decays():
             Signals(outputs=np.eye(50)[:, :1], inputs=np.eye(50)[:, :1], sampling_rate=1.0),
             {"observer_order": 40},
             "it has 81 unknowns",
-        ),
-        (
-            Signals(outputs=np.eye(50)[:, :1], inputs=np.eye(50)[:, :1], sampling_rate=1.0),
-            {"method": "fir"},
-            "there are only okid",
-        ),
-        (
-            Signals(outputs=np.eye(50)[:, :1], inputs=np.eye(50)[:, :1], sampling_rate=1.0),
-            {"method": "least squares", "samples": 40},
-            "40 samples of a response",
-        ),
-        (
-            Signals(outputs=np.eye(50)[:, :1], inputs=np.eye(50)[:, :1], sampling_rate=1.0),
-            {"method": "least squares", "observer_order": 3},
-            "has no observer",
         ),
     ],
 )

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import modalscope as ms
+from benchmarks.records.modeless_records import KINDS, modeless
 from modalscope.data.notes import Note
 from modalscope.selection.judging.grades import grades
 from modalscope.signals.preprocess.ambient_records import seen_record
 from modalscope.signals.preprocess.spectral_peaks import noise_notes
 from modalscope.systems import chain5, close4, heavy4, ring5
-from tests.signals.preprocess.modeless_records import KINDS, modeless
 
 SAID = {"transformer": "Nothing but hum", "helicopter": "Nothing but hum", "static": "Quasi-static motion"}
 

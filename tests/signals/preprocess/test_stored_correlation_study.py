@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from tests.signals.preprocess.long_job import LAGS
+from benchmarks.records.long_job import LAGS
 from tests.studies import Study
 from tests.support import ROOT
 
@@ -104,7 +104,7 @@ def run(path: Path, *options: object, at: Callable[[int, int], int | None] = lam
     values = path.with_name("values.npz")
     values.unlink(missing_ok=True)
     process = subprocess.Popen(
-        [sys.executable, "-m", "tests.signals.preprocess.long_job", str(path), str(values), *map(str, options)],
+        [sys.executable, "-m", "benchmarks.records.long_job", str(path), str(values), *map(str, options)],
         stdout=subprocess.PIPE,
         text=True,
         cwd=ROOT,

@@ -1,4 +1,4 @@
-"""Zoom: the chirp-z transform equals the long transform's lines; decimation gives the same response."""
+"""Zoom: the chirp-z transform equals the long transform's lines."""
 
 import numpy as np
 import pytest
@@ -56,15 +56,6 @@ def test_a_zoomed_response_is_a_part_of_the_long_one(data):
         assert relative(getattr(zoomed, name), getattr(part, name)) < 1e-10
 
 
-def test_a_zoom_by_decimation_gives_the_same_response(data):
-    part = estimate_frf(data, segment=5000).band(2.0 - 1e-9, 3.0 + 1e-9)
-    zoomed = estimate_frf(data, segment=5000, zoom=(2.0, 3.0), zoom_by="decimation")
-    assert np.allclose(zoomed.frequencies, part.frequencies)
-    # the filter reaches over the ends of every segment, where the window is near zero but not quite
-    assert relative(zoomed.values, part.values) < 1e-3
-    assert relative(zoomed.coherence, part.coherence) < 1e-3
-
-
 def test_lines_can_be_finer_than_the_segment(data):
     zoomed = estimate_frf(data, segment=5000, zoom=(2.0, 3.0), zoom_lines=1001)
     assert zoomed.lines == 1001
@@ -78,8 +69,6 @@ def test_lines_can_be_finer_than_the_segment(data):
         ({"zoom": (3, 2)}, "a zoom into 3 to 2 Hz"),
         ({"zoom": (2, 30)}, "the record contains 0 to 10 Hz"),
         ({"zoom": (2, 2.001)}, "fewer than two inside"),
-        ({"zoom": (2, 3), "zoom_by": "chirp"}, "Did you mean 'chirp-z'"),
-        ({"zoom": (2, 3), "zoom_by": "decimation", "zoom_lines": 20}, "its lines are those of the segment"),
         ({"zoom": (2, 3), "excitation": "periodic"}, "a periodic excitation allows no zoom"),
     ],
 )

@@ -147,7 +147,7 @@ class Alarms(Shown):
         return len(self.alarms)
 
     def table(self) -> str:
-        """Return the alarms, one a line, and the notes."""
+        """Return the alarms, one per line, and the notes."""
         return "\n".join([*(map(str, self.alarms) if self.alarms else ["no alarm"]), *self.notes])
 
 

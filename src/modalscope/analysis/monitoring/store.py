@@ -48,7 +48,7 @@ _TABLES = {
 
 #: The columns of a record, the last of which ends in the checksum of all of them with its modes, and what else `seen` has by name.
 _HEAD = ("sha256", "name", "time", "refused", "dofs", "covariates", "findings", "settings", "provenance")
-_SEAL, _SERIES, _ALARM = ', "checksum": "', "/covariate/", "/alarm/"
+_SEAL, _ALARM = ', "checksum": "', "/alarm/"
 
 #: The columns of a mode.
 _MODE = "frequency, damping_ratio, frequency_std, damping_ratio_std, shape, shape_std, gain"
@@ -117,22 +117,19 @@ class Store:
                 run(f"PRAGMA application_id = {_APPLICATION}")
                 run(f"PRAGMA user_version = {_SCHEMA}")
             run("COMMIT")
-        (made,), (version,) = (run(f"PRAGMA {name}").fetchone() for name in ("application_id", "user_version"))
-        found = dict(run("SELECT name, sql FROM sqlite_master WHERE sql IS NOT NULL").fetchall())
-        # also triggers and views, which would run
-        odd = ", ".join(sorted(set(found) ^ set(_TABLES))) or "a table" * (found != _TABLES)
-        faults = {
-            "another program made this file": made != _APPLICATION,
-            f"its layout is {version}; this program knows {_SCHEMA}": version != _SCHEMA,
-            f"its tables were changed: {odd}": bool(odd),
-            "it is damaged": not new and run("PRAGMA integrity_check(1)").fetchone()[0] != "ok",
-        }
-        if told := [fault for fault, is_so in faults.items() if is_so]:
-            asked, remedy = (
-                f"the store {self.path.name} was asked",
-                "Name a store of this version, or make it anew from its records.",
-            )
-            raise DataError(asked, told[0], remedy)
+        made, version = (run(f"PRAGMA {name}").fetchone()[0] for name in ("application_id", "user_version"))
+        # triggers and views would run
+        odd = [name for (name,) in run("SELECT name FROM sqlite_master WHERE type IN ('trigger', 'view')")]
+        fault = ""
+        if (made, version) != (_APPLICATION, _SCHEMA):
+            fault = f"it is of another program or version (layout {version}; this program knows {_SCHEMA})"
+        elif odd:
+            fault = f"it holds what no store does: {', '.join(odd)}"
+        elif not new and run("PRAGMA integrity_check(1)").fetchone()[0] != "ok":
+            fault = "it is damaged"
+        if fault:
+            remedy = "Name a store of this version, or make it anew from its records."
+            raise DataError(f"the store {self.path.name} was asked", fault, remedy)
 
     @contextmanager
     def _plainly(self) -> Iterator[None]:
@@ -145,7 +142,9 @@ class Store:
         except sqlite3.OperationalError as error:
             remedy = "Check rights and space of its folder, and whether another program holds it."
             raise DataError(asked, f"the system refuses ({error})", remedy) from None
-        except (sqlite3.Error, UnicodeDecodeError, json.JSONDecodeError, OverflowError) as error:
+        except DataError:
+            raise
+        except (sqlite3.Error, ValueError, TypeError, OverflowError) as error:
             raise DataError(asked, f"it is no store, or damaged ({error})", "Make it anew from its records.") from None
 
     def close(self) -> None:
@@ -241,9 +240,9 @@ class Store:
             takes them.
         workers : int
             Processes that identify; within `working(client)` the workers of its scheduler do.
-        times : datetime64, ISO texts or seconds since 1970 (UTC), one a file, optional
+        times : datetime64, ISO texts or seconds since 1970 (UTC), one per file, optional
             When the records began; by default what the names of the files say, else when they were last changed.
-        covariates : mapping of name to number or array, one a file, optional
+        covariates : mapping of name to number or array, one per file, optional
             What else was measured then.
         time : optional
             As `times`, of one record.
@@ -269,7 +268,9 @@ class Store:
         for path in paths:
             if not path.exists():
                 raise DataError(f"{str(path)!r} was asked", "there is no such file", "Check the name.")
-        when = [None] * len(paths) if times is None else _each_second(times, len(paths))
+        when = None if times is None else np.atleast_1d(as_times("times", times)).astype(float) / 1000
+        if when is not None:
+            check_shape("times", when, "one per file", (len(paths),))
         columns = {key: real_array(key, np.atleast_1d(x), "(files,)", 1, finite=False) for key, x in given.items()}
         for key, column in columns.items():
             check_shape(key, column, "one value a file", (len(paths),))
@@ -277,7 +278,7 @@ class Store:
         tasks = [
             task._replace(
                 name=name or task.name,
-                time=when[place[task.path]],
+                time=None if when is None else float(when[place[task.path]]),
                 covariates={key: float(x[place[task.path]]) for key, x in columns.items()},
             )
             for task in self.unknown(paths)
@@ -364,13 +365,6 @@ class Store:
         rows = [(name, t, float(x)) for t, x in zip(when, column, strict=True) if x == x]
         with self._transaction():
             self._file.executemany("INSERT OR REPLACE INTO covariate VALUES (?, ?, ?)", rows)
-            # beside the hashes of files: a table of its own would make stores of 0.2.0 others
-            sealed = (_SERIES + name, len(rows), 0, _checksum(*self._series(name)))
-            self._file.execute("INSERT OR REPLACE INTO seen VALUES (?, ?, ?, ?)", sealed)
-
-    def _series(self, name: str) -> list[tuple[int, float]]:
-        """Return times and values of a covariate."""
-        return self._file.execute("SELECT time, value FROM covariate WHERE name = ? ORDER BY time", (name,)).fetchall()
 
     @contextmanager
     def _transaction(self) -> Iterator[None]:
@@ -425,14 +419,11 @@ class Store:
             rows = modes.get(number, [])
             body, mark, seal = str(row[-1]).rpartition(_SEAL[2:])
             if mark and seal != f'{_checksum([*row[:-1], body.removesuffix(", ") + "}"], *rows)}"}}':
-                raise self._changed(f"the record {row[1]!r}")
+                fault = f"the record {row[1]!r} is damaged: it is not as it was written"
+                raise DataError(f"the store {self.path.name} was asked", fault, "Make it anew from its records.")
             heads.append(dict(zip(_HEAD, row, strict=True)))
             found.append(rows)
         return heads, found
-
-    def _changed(self, what: str) -> DataError:
-        asked = f"the store {self.path.name} was asked"
-        return DataError(asked, f"{what} is damaged: it is not as it was written", "Make it anew from its records.")
 
     def forget_refused(self) -> int:
         """Forget the records that could not be used, so that the next look tries them again; return how many there were."""
@@ -464,11 +455,6 @@ class Store:
             try:
                 pairs = [(head, rows) for head, rows in zip(*self._records(), strict=True) if head["refused"] is None]
                 weather = self._file.execute("SELECT name, time, value FROM covariate ORDER BY name, time").fetchall()
-                seals = self._file.execute(
-                    "SELECT path, sha256 FROM seen WHERE path LIKE ?", (_SERIES + "%",)
-                ).fetchall()
-                if any(seal != _checksum(*self._series(path.removeprefix(_SERIES))) for path, seal in seals):
-                    raise self._changed("a covariate")
             finally:
                 self._file.execute("ROLLBACK")
             rows = [_rows([row[:5] for row in each], json.loads(head["dofs"])) for head, each in pairs]
@@ -528,13 +514,6 @@ class Store:
         return self.history().to_pandas()
 
 
-def _each_second(times: Any, count: int) -> list[float]:
-    """Return the times of so many files as seconds since 1970."""
-    when = np.atleast_1d(as_times("times", times))
-    check_shape("times", when, "one per file", (count,))
-    return [float(t) / 1000 for t in when.astype(np.int64)]
-
-
 def _text(value: Any) -> str:
     """Return a value as JSON; numbers that are none become null."""
     return json.dumps(plain(value), default=str, allow_nan=False)
@@ -567,17 +546,7 @@ def _mode_rows(modes: Mapping[str, Any]) -> Iterator[tuple[Any, ...]]:
 
 
 def _rows(stored: Sequence[Sequence[Any]], dofs: Any) -> dict[str, Any]:
-    """Return the modes of one record by field; the sizes that a damaged or foreign file states are held against each other."""
-    odd = not isinstance(dofs, list) or any(
-        not isinstance(blob, bytes)
-        or len(blob) != 16 * len(dofs)
-        or not all(isinstance(x, float | None) for x in numbers)
-        for *numbers, blob in stored
-    )
-    if odd:
-        raise DataError(
-            "modes of a store were asked", "shapes or numbers are damaged", "Make it anew from its records."
-        )
+    """Return the modes of one record by field."""
     columns = zip(*(numbers for *numbers, _ in stored), strict=True) if stored else [()] * len(PER_MODE)
     values = {name: np.array(column, float) for name, column in zip(PER_MODE, columns, strict=True)}
     shapes = np.frombuffer(b"".join(blob for *_, blob in stored), "<c16").reshape(len(stored), len(dofs))

@@ -121,7 +121,7 @@ class GeneralHankel(StructuredHankel):
             raise DataError(
                 asked,
                 "a compression over whole columns has no row shift",
-                f"Compress within blocks (one column a channel), or {others}.",
+                f"Compress within blocks (one column per channel), or {others}.",
             )
         shifts = self.rows.shifts
         if not np.array_equal(shifts, np.arange(shifts.size)):

@@ -138,7 +138,7 @@ def _in_words(found: Stated, statement: Statement, meaning: str, axis: tuple[str
 
 
 def _others(statement: Statement) -> list[float]:
-    """Return the further numbers of a statement, one a channel, that differ from its first."""
+    """Return the further numbers of a statement, one per channel, that differ from its first."""
     numbers = [float(word.replace(",", ".")) for word in takewhile(_BARE.match, statement.value.split())]
     return [number for number in numbers[1:] if number != numbers[0]]
 

@@ -216,7 +216,7 @@ def frequency_response(
     option_roles: Mapping[int, str],
     works: Works,
 ) -> tuple[FrequencyResponse, list[str], dict[int, str]]:
-    """Return frequency responses, notes, and what was left with its reason.
+    """Return frequency responses, notes, and what is ignored with its reason.
 
     `axis`: the frequencies. `columns`: all others that may be taken. `roles`: what each is. `option_roles`: what `--columns` says. `works`:
     whether the table is read with other words of `--columns`.

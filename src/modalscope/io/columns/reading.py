@@ -139,7 +139,7 @@ def _take(reading: Reading, column: Column, weights: Weights, kinds: Sequence[st
 
 
 def _record(reading: Reading, others: Sequence[Column], weights: dict[int, Weights], stated: bool, _: bool) -> None:
-    """Add the columns of a record: a second column of times is left; parts of complex values speak against it."""
+    """Add the columns of a record: a second column of times is ignored; parts of complex values speak against it."""
     reading.score -= WORD + 1 if reading.axis is None and not stated else 0.0
     for column in others:
         held = weights[column.number]

@@ -73,7 +73,7 @@ def read_body(
 ) -> tuple[list[Array], list[str]]:
     """Return the columns of a body, and notes on lines that are no rows of it.
 
-    Remarks, the header again, a last line that is cut short and lines under the table are left and counted.
+    Remarks, the header again, a last line that is cut short and lines under the table are ignored and counted.
 
     `lines`: the body, each line with its number. `kinds`: those of the columns. `width`: cells in a row. `head`: the lines above it.
     `whole`: whether every line is to be a row, so that nothing is read behind the first that is none.
@@ -154,7 +154,7 @@ def _check_last(where: str, odd: Sequence[tuple[int, str]], last: int, width: in
 
 
 def _notes(odd: Sequence[tuple[int, str]], last: int) -> list[str]:
-    """Return what was left, inside of the table and under it."""
+    """Return what was ignored, inside of the table and under it."""
     notes = []
     for words, lines in (
         ("among the rows", [x for x in odd if x[0] < last]),

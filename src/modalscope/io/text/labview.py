@@ -1,7 +1,7 @@
 """Read LabVIEW measurement files (.lvm, also saved as .txt): header, segments, and the comment column that rows may lack.
 
 The layout is National Instruments' "Specification for the LabVIEW Measurement File (.lvm)": keys and values above
-`***End_of_Header***`, then segments, each with a header of one value a channel, a line of names and its rows. X values stand in no
+`***End_of_Header***`, then segments, each with a header of one value per channel, a line of names and its rows. X values stand in no
 column, in one, or before every channel; segments whose X values go on are one record, others are runs.
 """
 

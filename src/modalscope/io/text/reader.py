@@ -308,7 +308,7 @@ def _but_ignored(kinds: list[str], layout: Layout, options: Options) -> list[str
 
 
 def _columns(layout: Layout, kinds: list[str], arrays: list[Array]) -> tuple[tuple[Column, ...], list[str]]:
-    """Return the columns; dates and times of day in two columns become one, empty ones without a name are left."""
+    """Return the columns; dates and times of day in two columns become one, empty ones without a name are left out."""
     stamps = [k for k, kind in enumerate(kinds) if kind == "stamp"]
     joined = len(stamps) == 2 and any(":" not in str(arrays[k][0]) for k in stamps)
     columns, notes = [], []

@@ -33,7 +33,7 @@ Pair = tuple[str, str]
 
 @dataclass(slots=True)
 class Sorted:
-    """The data object's fields, why functions were left (by place), what is missing, and the room that there is."""
+    """The data object's fields, why functions are ignored (by place), what is missing, and the room that there is."""
 
     room: Room
     thing: Any = None
@@ -252,7 +252,7 @@ def _evenly(functions: Sequence[Function], out: Sorted, what: str) -> list[Funct
 def sort_impulse(functions: Sequence[Function], options: dict[str, Any], si: bool, space: Room) -> Sorted:
     """Make one impulse response: correlations by their type, samples over an excitation force as sampled impulse responses.
 
-    Correlations and pulse responses keep what stands at time zero apart, as `feedthrough`; negative lags are left.
+    Correlations and pulse responses keep what stands at time zero apart, as `feedthrough`; negative lags are ignored.
     """
     out = Sorted(room=space)
     kinds = Counter(_impulse_kind(f) for f in functions)

@@ -79,7 +79,7 @@ def on_common_lines(parts: Sequence[Any], names: Sequence[str]) -> tuple[list[An
 def as_one_event(
     parts: Sequence[Any], names: Sequence[str], begins: Sequence[float], *, runs: bool = False
 ) -> tuple[list[Any], tuple[Note, ...]]:
-    """Return the sensors of one event, one a file, under the names of their files and at the same times; and what is said.
+    """Return the sensors of one event, one per file, under the names of their files and at the same times; and what is said.
 
     `begins`: the time of the first sample of each, s. `runs`: whether files are called runs. Where dates say the times, that is how they
     lie; else they must be coherent, over stretches and weighted by power. Free decays are coherent in any case: repeated ones of a sensor

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -155,7 +156,8 @@ def _straightened_rows(record: StoredSignals) -> StoredSignals:
         products += columns @ y
         of_time += columns @ columns.T
     constant, slope = np.linalg.lstsq(of_time, products, rcond=None)[0]
-    return replace(record, rows=StraightRows(record.rows, tuple(constant), tuple(slope)))
+    change, words = partial(_straight, constant, slope, samples), f"without line {tuple(constant)} {tuple(slope)}"
+    return replace(record, rows=ChangedRows(record.rows, change, words))
 
 
 def _times(start: int, stop: int, samples: int) -> RealArray:
@@ -164,12 +166,15 @@ def _times(start: int, stop: int, samples: int) -> RealArray:
 
 
 @dataclass(frozen=True)
-class StraightRows:
-    """Rows without a line a column: `constant` in the middle, `slope` over all of them."""
+class ChangedRows:
+    """Rows of which each stretch is changed by itself when it is read.
+
+    `change`: of the first row and the rows, a function that other processes can be sent. `words`: what it does, with its numbers.
+    """
 
     rows: Rows
-    constant: tuple[float, ...]
-    slope: tuple[float, ...]
+    change: Callable[[int, RealArray], RealArray]
+    words: str
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -178,14 +183,18 @@ class StraightRows:
 
     @property
     def identity(self) -> str:
-        """Identity of the rows and of the line."""
-        return f"{self.rows.identity} without line {self.constant} {self.slope}"
+        """Identity of the rows and of the change."""
+        return f"{self.rows.identity} {self.words}"
 
     def read(self, start: int, stop: int) -> Array:
-        """Return rows without the line."""
-        rows = np.asarray(self.rows.read(start, stop), dtype=float)
-        times = _times(start, start + len(rows), self.rows.shape[0])
-        return np.asarray(rows - self.constant - times[:, None] * self.slope)
+        """Return changed rows."""
+        return self.change(start, np.asarray(self.rows.read(start, stop), dtype=float))
+
+
+def _straight(constant: RealArray, slope: RealArray, samples: int, start: int, rows: RealArray) -> RealArray:
+    """Return rows without a line a column: `constant` in the middle, `slope` over all samples."""
+    times = _times(start, start + len(rows), samples)
+    return np.asarray(rows - constant - times[:, None] * slope)
 
 
 def _filtered(signals: Record, sections: Array | None, factor: int, zero_phase: bool, note: str) -> Record:

@@ -128,7 +128,7 @@ def _after_clipping(run: RealArray) -> int:
 def as_free_decay(
     signals: Signals, judged: Signals | None = None
 ) -> tuple[Signals | ImpulseResponse, tuple[Note, ...]]:
-    """Return a record as free decays, one column a run, and notes; unchanged where a run is none, or a force was measured.
+    """Return a record as free decays, one column per run, and notes; unchanged where a run is none, or a force was measured.
 
     `judged`: the channels that decide it, where others will be excluded.
 

@@ -28,15 +28,7 @@ from modalscope.signals.preprocess.estimators import (
 )
 from modalscope.signals.preprocess.excitation import driven_records, find_excitation, find_period
 from modalscope.signals.preprocess.local_polynomials import LOCAL, local_models
-from modalscope.signals.preprocess.plans import (
-    ZOOMS,
-    Plan,
-    apply_windows,
-    plan_hits,
-    plan_runs,
-    without_offset,
-    zoom_plan,
-)
+from modalscope.signals.preprocess.plans import Plan, apply_windows, plan_hits, plan_runs, without_offset, zoom_plan
 from modalscope.signals.preprocess.spectra import cross_spectra, silent_lines
 
 #: Minimum lines in a half bandwidth: the leakage of a Hann window then is below a few per cent of the damping.
@@ -46,7 +38,7 @@ _LINES_A_HALF_BANDWIDTH = 4.0
 LEAKING = "random excitation"
 
 
-@named(signals=Signals, estimator=(*ESTIMATORS, *LOCAL), zoom_by=ZOOMS, before=at_least(0), settle=at_least(0))
+@named(signals=Signals, estimator=(*ESTIMATORS, *LOCAL), before=at_least(0), settle=at_least(0))
 @one_thread
 def estimate_frf(
     signals: Signals,
@@ -65,7 +57,6 @@ def estimate_frf(
     settle: int = 1,
     zoom: tuple[float, float] | None = None,
     zoom_lines: int | None = None,
-    zoom_by: str = "chirp-z",
     held: bool = False,
     degree: int | None = None,
     half_width: int | None = None,
@@ -111,8 +102,6 @@ def estimate_frf(
         Band in Hz on which alone the lines are computed.
     zoom_lines : int, optional
         Number of lines of the zoom; by default those of the segment's own transform.
-    zoom_by : {"chirp-z", "decimation"}
-        How the zoom is done.
     held : bool
         Whether the forces were held between samples (simulations, converters without a filter). The response is then that
         of a sampled system and keeps its sampling rate, for the domain "z".
@@ -165,7 +154,7 @@ def estimate_frf(
             plan = plan_runs(signals, kind, segment, overlap, window)
         apply_windows(plan, force_window, exponential, before)
         if zoom is not None:
-            zoom_plan(plan, zoom, zoom_lines, zoom_by)
+            zoom_plan(plan, zoom, zoom_lines)
         result = _averaged(plan, signals.input_dofs, kind, estimator, noise)
     return FrequencyResponse(
         values=result.estimate.values,

@@ -1,4 +1,4 @@
-"""Estimate Markov parameters from records of any input: by an observer (OKID), or by least squares.
+"""Estimate Markov parameters from records of any input by an observer (OKID).
 
 Observer/Kalman filter identification (OKID): with an observer of gain G the state-space model reads
 
@@ -17,7 +17,6 @@ from __future__ import annotations
 from itertools import islice
 
 import numpy as np
-import scipy.linalg as sla
 
 from modalscope.data.records import Signals
 from modalscope.data.responses import ImpulseResponse
@@ -26,7 +25,7 @@ from modalscope.numerics.checks import RealArray
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.resources import one_thread
 from modalscope.signals.preprocess.excitation import driven_records
-from modalscope.signals.preprocess.observer_regression import RANK, Regression, tried_orders
+from modalscope.signals.preprocess.observer_regression import Regression, tried_orders
 
 #: A response has decayed at this part of its largest value, 80 dB below.
 _DECAYED_LEVEL = 1e-4
@@ -39,37 +38,6 @@ _UNSTABLE_SIZE = 1e9
 
 #: Maximum number of orders that are tried until one does not grow.
 _MAX_ATTEMPTS = 6
-
-
-def _by_observer(signals: Signals, given: int | None, samples: int | None) -> ImpulseResponse:
-    """Return the response by an observer (OKID) of a given order, or of the best one.
-
-    The observer is the best in cross-validation: every quarter of the runs is predicted from the others, by orders up to 60, or what
-    the record's samples and 600 regressors allow, and with more and more of the regressors' singular directions
-    (`observer_regression`). This excludes directions that only noise excites, of redundant channels and of inputs without power in part of
-    the band. Where a record is exact to rounding, the first order that fits it is taken. An order whose response grows is rejected for
-    the next best.
-
-    Raises `DataError`: No inputs, too short a record, or a response that grows with every observer.
-    """
-    outputs, inputs = driven_records(signals, "Markov parameters")
-    output_scale, input_scale = _level(outputs), _level(inputs)
-    tried = tried_orders(outputs / output_scale, inputs / input_scale, given)
-    for p, rank in islice(tried.best_first(), _MAX_ATTEMPTS):
-        D, b, a = _coefficients(tried.regression, p, rank)
-        response = _recursion(D, b, a, samples, outputs.shape[1])
-        if response is not None:
-            break
-    else:
-        orders = ", ".join(str(p) for p, _ in islice(tried.best_first(), _MAX_ATTEMPTS))
-        have = f"with order {orders} it grows: noise hides the damping, or the structure is unstable"
-        change = "Give another observer_order, exclude redundant or noisy channels, or measure longer."
-        raise DataError("a response by an observer (OKID) was asked", have, change)
-    Y, end = response
-    by_input = output_scale[:, None] / input_scale
-    choice = f"{'chosen' if given is None else 'given'}, {rank} of {tried.regression.unknowns(p)} directions"
-    note = f"OKID with an observer of order {p} ({choice}), {len(Y)} samples, {end}"
-    return _pulse_response(signals, Y * by_input, D * by_input, note)
 
 
 def _level(records: RealArray) -> RealArray:
@@ -123,25 +91,27 @@ def _pulse_response(signals: Signals, Y: RealArray, D: RealArray, note: str) -> 
     ).processed(note)
 
 
-@named(signals=Signals, method=("okid", "least squares"), observer_order=COUNT, samples=at_least(2))
+@named(signals=Signals, observer_order=COUNT, samples=at_least(2))
 @one_thread
 def estimate_markov(
-    signals: Signals, *, method: str = "okid", observer_order: int | None = None, samples: int | None = None
+    signals: Signals, *, observer_order: int | None = None, samples: int | None = None
 ) -> ImpulseResponse:
     """Estimate Markov parameters Y(k) = C A^k B and the direct term from records with measured inputs of any kind.
+
+    The observer is the best in cross-validation: every quarter of the runs is predicted from the others, by orders up to 60, or what
+    the record's samples and 600 regressors allow, and with more and more of the regressors' singular directions
+    (`observer_regression`). This excludes directions that only noise excites, of redundant channels and of inputs without power in part of
+    the band. Where a record is exact to rounding, the first order that fits it is taken. An order whose response grows is rejected for
+    the next best.
 
     Parameters
     ----------
     signals : Signals
         Outputs and inputs; several runs are used together. Nothing is assumed about the state at the start.
-    method : {"okid", "least squares"}
-        "okid" goes through an observer and takes lightly damped structures; "least squares" fits
-        y(k) = D u(k) + sum Y(i) u(k - 1 - i) with `samples` terms directly, for responses that decay within them.
     observer_order : int, optional
-        Past samples in the observer ("okid"); by default the best of all.
+        Past samples in the observer; by default the best of all.
     samples : int, optional
-        Length of the response. By default, "okid" continues until it has decayed by 80 dB, up to the length of a run, and notes in
-        `processing` which; "least squares" takes what a quarter of the record determines.
+        Length of the response. By default it goes on until it has decayed by 80 dB, up to the length of a run; `processing` says which.
 
     Returns
     -------
@@ -151,7 +121,7 @@ def estimate_markov(
     Raises
     ------
     DataError
-        No inputs, or too short a record.
+        No inputs, too short a record, or a response that grows with every observer.
 
     References
     ----------
@@ -166,29 +136,21 @@ def estimate_markov(
     >>> bool(np.allclose(Y.values, model.markov_parameters(50))), Y.feedthrough.round(10)
     (True, array([[0.5]]))
     """
-    if method == "okid":
-        return _by_observer(signals, observer_order, samples)
-    if observer_order is not None:
-        asked, have = f"observer_order={observer_order} was asked", 'method="least squares" has no observer'
-        raise DataError(asked, have, "Leave it out.")
-    return _least_squares(signals, samples)
-
-
-def _least_squares(signals: Signals, samples: int | None) -> ImpulseResponse:
     outputs, inputs = driven_records(signals, "Markov parameters")
-    (runs, length), m = outputs.shape[:2], inputs.shape[2]
-    count = min(max(2, runs * length // (4 * m) - 1), length // 2) if samples is None else samples
-    rows, unknowns = runs * (length - count), m * (count + 1)
-    if length <= count or rows < unknowns:
-        asked = f"{count} samples of a response to {m} inputs by least squares were asked"
-        have = f"they have {unknowns} unknowns an output, and the record gives {max(rows, 0)} equations"
-        raise DataError(asked, have, 'Lower samples, measure longer, or use method="okid".')
-    blocks = []
-    for y, u in zip(outputs, inputs, strict=True):
-        past = [u[count - i : length - i] for i in range(count + 1)]
-        blocks.append(np.concatenate([*past, y[count:]], axis=1))
-    joined = np.concatenate(blocks)
-    steps = (
-        sla.lstsq(joined[:, :unknowns], joined[:, unknowns:], cond=RANK)[0].reshape(count + 1, m, -1).transpose(0, 2, 1)
-    )
-    return _pulse_response(signals, steps[1:], steps[0], f"least squares for {count} samples of the response")
+    output_scale, input_scale = _level(outputs), _level(inputs)
+    tried = tried_orders(outputs / output_scale, inputs / input_scale, observer_order)
+    for p, rank in islice(tried.best_first(), _MAX_ATTEMPTS):
+        D, b, a = _coefficients(tried.regression, p, rank)
+        response = _recursion(D, b, a, samples, outputs.shape[1])
+        if response is not None:
+            break
+    else:
+        orders = ", ".join(str(p) for p, _ in islice(tried.best_first(), _MAX_ATTEMPTS))
+        have = f"with order {orders} it grows: noise hides the damping, or the structure is unstable"
+        change = "Give another observer_order, exclude redundant or noisy channels, or measure longer."
+        raise DataError("a response by an observer (OKID) was asked", have, change)
+    Y, end = response
+    by_input = output_scale[:, None] / input_scale
+    choice = f"{'chosen' if observer_order is None else 'given'}, {rank} of {tried.regression.unknowns(p)} directions"
+    note = f"OKID with an observer of order {p} ({choice}), {len(Y)} samples, {end}"
+    return _pulse_response(signals, Y * by_input, D * by_input, note)

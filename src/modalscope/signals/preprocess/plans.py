@@ -1,14 +1,13 @@
 """Plan how records are averaged: cut into segments or hits, under windows, on all lines or on those of a zoom.
 
-A zoom computes the spectrum of a narrow band at fine resolution, by the chirp-z transform or by frequency shift and decimation. The chirp
-transform is not that of SciPy, which does not reduce phases in integers: its error is 1e-10 for 16 000 samples, 1e-8 for two million.
+A zoom computes the spectrum of a narrow band at fine resolution, by the chirp-z transform. It is not that of SciPy, which does not reduce
+phases in integers: its error is 1e-10 for 16 000 samples, 1e-8 for two million.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 import scipy
@@ -20,11 +19,6 @@ from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.resources import check_fits
 from modalscope.signals.preprocess.impacts import Hit, cut_hits, exponential_decay, find_hits, room_of, whole_series
 from modalscope.signals.preprocess.spectra import Segments, Transform, check_window, cross_spectra
-
-ZOOMS = ("chirp-z", "decimation")
-
-#: Attenuation of the low-pass behind the frequency shift, dB.
-_STOP_BAND = 100.0
 
 #: Minimum prominence of a peak of the averaged spectrum, dB.
 _PROMINENCE_DB = 10.0
@@ -40,8 +34,8 @@ _MIN_SEGMENT = 256
 class Plan:
     """How the records are averaged: outputs and inputs as they are cut, segments and windows, transform."""
 
-    outputs: Array  # complex after a zoom by decimation
-    inputs: Array
+    outputs: RealArray
+    inputs: RealArray
     segments: Segments
     sampling_rate: float
     added_damping: float = 0.0
@@ -157,23 +151,11 @@ def apply_windows(plan: Plan, force_window: float | None, exponential: float | N
     plan.segments = plan.segments._replace(output_window=y, input_window=u)
 
 
-def zoom_plan(plan: Plan, band: tuple[float, float], count: int | None, by: str) -> None:
-    """Replace the lines of the plan by those of a band; a zoom by decimation also replaces its records."""
-    length, rate = plan.segments.length, plan.sampling_rate
-    lines = zoom_lines(band, length, rate, count)
-    plan.notes.append(f"zoom into {band[0]:g}-{band[1]:g} Hz by {by}")
-    if by == "chirp-z":
-        plan.transform = Transform(lines, lambda x: chirp_z(x, lines, rate))
-        return
-    if count is not None:
-        change = 'Give zoom_by="chirp-z", or a longer segment.'
-        raise DataError("zoom_lines by decimation was asked", "its lines are those of the segment", change)
-    shifted = heterodyne(plan.outputs, plan.inputs, rate, lines, length)
-    q = shifted.factor
-    plan.transform = shifted.transform(length // q, lines)
-    plan.outputs, plan.inputs, plan.sampling_rate = shifted.outputs, shifted.inputs, shifted.sampling_rate
-    starts, y, u = plan.segments
-    plan.segments = Segments([start // q for start in starts], y[::q], u[::q])
+def zoom_plan(plan: Plan, band: tuple[float, float], count: int | None) -> None:
+    """Replace the lines of the plan by those of a band."""
+    lines, rate = zoom_lines(band, plan.segments.length, plan.sampling_rate, count), plan.sampling_rate
+    plan.notes.append(f"zoom into {band[0]:g}-{band[1]:g} Hz by chirp-z")
+    plan.transform = Transform(lines, lambda x: chirp_z(x, lines, rate))
 
 
 def zoom_lines(band: tuple[float, float], length: int, sampling_rate: float, lines: int | None) -> RealArray:
@@ -235,49 +217,3 @@ def _turns(whole: Array, part: float, grid: int) -> RealArray:
     if abs(part * grid - multiple) < 1e-9:
         return np.asarray(whole % grid * (multiple % grid) % grid / grid)
     return np.asarray(np.mod(whole * part, 1.0))
-
-
-class Shifted(NamedTuple):
-    """Records shifted so that `centre` lies at 0 Hz, at a lower sampling rate: complex."""
-
-    outputs: ComplexArray
-    inputs: ComplexArray
-    sampling_rate: float
-    centre: float
-    factor: int
-
-    def transform(self, length: int, frequencies: RealArray) -> Transform:
-        """Return the transform of segments of `length` samples to lines of its grid around the centre."""
-        step = self.sampling_rate / length
-        bins = np.rint((frequencies - self.centre) / step).astype(int)
-        return Transform(frequencies, lambda x: np.asarray(fft.fft(x, axis=1)[:, bins % length]))
-
-
-def heterodyne(
-    outputs: RealArray, inputs: RealArray, sampling_rate: float, frequencies: RealArray, segment: int
-) -> Shifted:
-    """Shift the band of the lines to 0 Hz, low-pass filter and keep one sample in q, with q a divisor of the segment.
-
-    q is the largest that leaves twice the width of the band. The filter (Kaiser window, 100 dB, no delay) is the same for all channels
-    and cancels in every ratio.
-    """
-    step = sampling_rate / segment
-    width = float(frequencies[-1] - frequencies[0]) + 2 * step
-    most = max(int(sampling_rate / (2 * width)), 1)
-    factor = max(q for q in range(1, most + 1) if segment % q == 0)
-    middle = round(float(frequencies[0] + frequencies[-1]) / 2 / step)
-    rate = sampling_rate / factor
-    # the pass-band is the band; frequencies from rate - width / 2 on would alias into it
-    taps, beta = scipy.signal.kaiserord(_STOP_BAND, (rate - width) / (sampling_rate / 2))
-    low_pass = np.ones(1)
-    if factor > 1:
-        low_pass = scipy.signal.firwin(taps | 1, rate / 2, window=("kaiser", beta), fs=sampling_rate)
-    phase = np.arange(outputs.shape[1]) * middle % segment / segment
-    mixer = np.exp(-2j * np.pi * phase)
-
-    def change(x: RealArray) -> ComplexArray:
-        mixed = x * mixer[:, None]
-        smooth = scipy.signal.oaconvolve(mixed, low_pass[None, :, None], mode="same", axes=1)
-        return np.ascontiguousarray(smooth[:, ::factor])
-
-    return Shifted(change(outputs), change(inputs), rate, middle * step, factor)

@@ -175,9 +175,8 @@ def cross_spectra(
 ) -> CrossSpectra:
     """Average the cross spectral matrices of records (R, N, l) and (R, N, m) over segments and runs.
 
-    The records are real, or complex ones that were shifted in frequency (see `modalscope.signals.preprocess.plans`). The lines are those
-    of the discrete Fourier transform by default. `whole` computes the whole matrix of the outputs instead of their powers,
-    `centred` subtracts the means of every run.
+    The lines are those of the discrete Fourier transform by default. `whole` computes the whole matrix of the outputs instead of their
+    powers, `centred` subtracts the means of every run.
     """
     if transform is None:
         lines_hz = fft.rfftfreq(segments.length, 1 / sampling_rate)
@@ -198,7 +197,7 @@ def cross_spectra(
         Suu += U @ conjugate
         Syy += Y @ np.conj(Y).transpose(0, 2, 1) if whole else np.sum(Y.real**2 + Y.imag**2, axis=2)
     count = outputs.shape[0] * len(segments.starts)
-    scale = _density_of_squares(transform.frequencies, sampling_rate, segments, count, not np.iscomplexobj(outputs))
+    scale = _density_of_squares(transform.frequencies, sampling_rate, segments, count)
     for S in (Syy, Syu, Suu):
         S *= scale.reshape(-1, *(1,) * (S.ndim - 1))
     return CrossSpectra(
@@ -211,11 +210,11 @@ def cross_spectra(
     )
 
 
-def _density_of_squares(f: RealArray, rate: float, segments: Segments, count: int, real: bool) -> RealArray:
+def _density_of_squares(f: RealArray, rate: float, segments: Segments, count: int) -> RealArray:
     """Return the mean density of `count` segments over the sum of the squares of their transforms, (F,)."""
     scale = np.full(f.size, 2 / (rate * float(np.sum(segments.output_window**2)) * count))
-    if real:  # lines of real records include their negative frequencies, except at both ends
-        scale[(f == 0) | (np.abs(f - rate / 2) < 1e-9 * rate)] *= 0.5
+    # lines include their negative frequencies, except at both ends
+    scale[(f == 0) | (np.abs(f - rate / 2) < 1e-9 * rate)] *= 0.5
     return scale
 
 
@@ -226,7 +225,7 @@ def segment_transforms(outputs: RealArray, sampling_rate: float, segments: Segme
     X = np.empty((f.size, outputs.shape[2], runs * count), dtype=complex)
     for k, piece in enumerate(_pieces(outputs, segments, segments.output_window, 1, centred=False)):
         X[:, :, k] = fft.rfft(piece[0], axis=0)
-    X *= np.sqrt(_density_of_squares(f, sampling_rate, segments, runs * count, real=True))[:, None, None]
+    X *= np.sqrt(_density_of_squares(f, sampling_rate, segments, runs * count))[:, None, None]
     return f, X
 
 

@@ -6,7 +6,8 @@ Under forces whose level g(t) changes slowly the spectral matrix of a stretch is
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,8 +18,9 @@ from scipy.special import chdtri
 from modalscope.data.notes import Note
 from modalscope.data.records import Signals
 from modalscope.data.shown import figures
-from modalscope.data.stored import Rows, StoredSignals
+from modalscope.data.stored import StoredSignals
 from modalscope.numerics.checks import Array, RealArray
+from modalscope.signals.preprocess.conditioning import ChangedRows
 from modalscope.signals.preprocess.spectra import Spectrum
 
 #: Stretches of a record, and parts of their spectra.
@@ -176,7 +178,8 @@ def _of_forces(power: RealArray, runs: int, times: float) -> RealArray:
 def _divided(record: Signals | StoredSignals, level: RealArray) -> Any:
     """Return a record over the level of its stretches (runs, s)."""
     if isinstance(record, StoredSignals):
-        return replace(record, rows=LevelRows(record.rows, tuple(level[0].tolist())))
+        change, words = partial(_over_level, level[0], record.samples), f"over levels {tuple(level[0].tolist())}"
+        return replace(record, rows=ChangedRows(record.rows, change, words))
     outputs, _ = record.by_run()
     divided = np.stack(
         [y / _at(np.arange(len(y)), len(y), own)[:, None] for y, own in zip(outputs, level, strict=True)]
@@ -191,28 +194,9 @@ def _at(samples: Array, count: int, level: RealArray) -> RealArray:
     return np.asarray(np.exp(np.interp(samples, ends.ravel(), np.repeat(np.log(level), 2))))
 
 
-@dataclass(frozen=True)
-class LevelRows:
-    """Rows over the level of their stretch."""
-
-    rows: Rows
-    level: tuple[float, ...]
-
-    @property
-    def shape(self) -> tuple[int, int]:
-        """Samples, and channels."""
-        return self.rows.shape
-
-    @property
-    def identity(self) -> str:
-        """Identity of the rows and of the levels."""
-        return f"{self.rows.identity} over levels {self.level}"
-
-    def read(self, start: int, stop: int) -> Array:
-        """Return rows over their level."""
-        rows = np.asarray(self.rows.read(start, stop), dtype=float)
-        level = _at(np.arange(start, start + len(rows)), self.shape[0], np.array(self.level))
-        return np.asarray(rows / level[:, None])
+def _over_level(level: RealArray, samples: int, start: int, rows: RealArray) -> RealArray:
+    """Return rows over the level of their stretch, of a record of so many samples."""
+    return np.asarray(rows / _at(np.arange(start, start + len(rows)), samples, level)[:, None])
 
 
 def _loud(level: RealArray, runs: int) -> list[Array]:

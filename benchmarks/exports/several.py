@@ -1,4 +1,4 @@
-"""Several files of one test, and several tests in one file, as exports. `python -m tests.io.exports.several FIRST COUNT [-v]`."""
+"""Several files of one test, and several tests in one file, as exports. `python -m benchmarks.exports.several FIRST COUNT [-v]`."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from scipy.interpolate import CubicSpline
 from scipy.io import loadmat, savemat
 
 import modalscope as ms
+from benchmarks.exports.draw import HALVES, Choices, draw_choices
+from benchmarks.exports.truth import Truth, accelerances, draw_record, structure
+from benchmarks.exports.verdict import obeyed, same, suggestions
+from benchmarks.exports.write import Drawn, write
 from modalscope.analysis.workflow.sources import opened
 from modalscope.interfaces.cli.commands import build_parser
 from modalscope.interfaces.cli.reading import reading_options
 from modalscope.io.contents import SeveralTests
-from tests.io.exports.draw import HALVES, Choices, draw_choices
-from tests.io.exports.truth import Truth, accelerances, draw_record, structure
-from tests.io.exports.verdict import obeyed, same, suggestions
-from tests.io.exports.write import Drawn, write
 
 #: What several files are, and what one file of several tests is.
 FILES = (

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 
 import modalscope as ms
+from benchmarks.exports.draw import HALVES, PLAIN, Choices, draw_choices
+from benchmarks.exports.write import Drawn, write
 from modalscope.data.units import in_si
 from modalscope.interfaces.cli.commands import build_parser
 from modalscope.interfaces.cli.reading import reading_options
-from tests.io.exports.draw import HALVES, PLAIN, Choices, draw_choices
-from tests.io.exports.write import Drawn, write
 
 #: Verdicts, from good to bad, and what each costs.
 COSTS = {
@@ -57,16 +57,24 @@ def obeyed(path: Path, words: list[str], rate: float | None = None) -> Any:
     return ms.io.survey(path, **reading_options(build_parser().parse_args(["info", str(path), *words]), path))
 
 
-def dead_ends(path: Path, message: str, rate: float | None = None) -> list[str]:
+def message(path: Path) -> str:
+    """Return what is said of a file: why it is refused, or the notes on it."""
+    try:
+        return " ".join(obeyed(path, []).notes)
+    except ms.DataError as error:
+        return str(error.args[0])
+
+
+def dead_ends(path: Path, said: str, rate: float | None = None) -> list[str]:
     """Return the options of a message that neither read its file nor lead to one further question whose answer does."""
-    return [shlex.join(way) for way in suggestions(message) if not _leads_on(path, way, message, rate, further=1)]
+    return [shlex.join(way) for way in suggestions(said) if not _leads_on(path, way, said, rate, further=1)]
 
 
-def _leads_on(path: Path, words: list[str], message: str, rate: float | None, further: int) -> bool:
+def _leads_on(path: Path, words: list[str], said: str, rate: float | None, further: int) -> bool:
     try:
         obeyed(path, words, rate)
     except ms.DataError as error:
-        ways = [way for way in suggestions(error.args[0]) if way[0] not in words] if error.args[0] != message else []
+        ways = [way for way in suggestions(error.args[0]) if way[0] not in words] if error.args[0] != said else []
         return further > 0 and any(_leads_on(path, [*words, *way], error.args[0], rate, further - 1) for way in ways)
     except SystemExit:  # the command line does not know it
         return False

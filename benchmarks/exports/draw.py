@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from tests.io.exports.truth import CONTENTS, RECORDS
-from tests.io.exports.words import FAR, NEAR
+from benchmarks.exports.truth import CONTENTS, RECORDS
+from benchmarks.exports.words import FAR, NEAR
 
 #: A value a dimension.
 Choices = dict[str, str]

@@ -8,15 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import modalscope as ms
+from benchmarks.exports import remedies, several
+from benchmarks.exports.draw import HALVES, SHARED, draw_choices
+from benchmarks.exports.measure import by_dimension, measure, table
+from benchmarks.exports.verdict import COSTS, dead_ends, message, suggestions, tried
+from benchmarks.exports.words import FAR, NEAR
+from benchmarks.exports.write import write
 from modalscope.interfaces.cli import main
-from tests.io.exports import remedies, several
-from tests.io.exports.draw import HALVES, SHARED, draw_choices
-from tests.io.exports.measure import by_dimension, measure, table
-from tests.io.exports.verdict import COSTS, dead_ends, obeyed, suggestions, tried
-from tests.io.exports.words import FAR, NEAR
-from tests.io.exports.write import write
-from tests.io.ordinary import CASES, RATE
 from tests.support import DATA
 
 #: Seeds of the quick test, and of the study, whose seeds were looked at by nobody while the reader was made.
@@ -44,35 +42,20 @@ def test_no_export_ends_in_a_crash(tmp_path: Path, half: str) -> None:
     assert set(words) <= set(COSTS)
 
 
-def _message(path: Path) -> str:
-    try:
-        return " ".join(obeyed(path, []).notes)
-    except ms.DataError as error:
-        return str(error.args[0])
-
-
 @pytest.mark.slow
 @pytest.mark.parametrize("half", HALVES)
 def test_every_printed_option_reads_the_file_or_asks_one_thing_more(tmp_path: Path, half: str) -> None:
     for seed in range(20_000, 20_000 + _QUICK):
         drawn = write(tmp_path, seed, draw_choices(np.random.default_rng([seed, 0]), half))
-        assert not dead_ends(drawn.path, _message(drawn.path), drawn.truth.rate), _message(drawn.path)
+        assert not dead_ends(drawn.path, message(drawn.path), drawn.truth.rate), message(drawn.path)
 
 
 def test_an_option_that_leads_nowhere_is_found(tmp_path: Path) -> None:
     path = tmp_path / "bare.csv"
     path.write_text("1.5,2\n0.5,-1\n2.5,0\n")
-    message = _message(path)
-    assert dead_ends(path, message) == []  # one further question, as a rate is, is none
-    assert dead_ends(path, message + ', or --columns "time=9"') == ["--columns time=9"]
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", CASES)
-def test_every_option_printed_for_ordinary_files_reads_them_or_asks_one_thing_more(tmp_path: Path, name: str) -> None:
-    path = tmp_path / f"case{CASES[name].suffix}"
-    CASES[name].write(path)
-    assert not dead_ends(path, _message(path), RATE), _message(path)
+    said = message(path)
+    assert dead_ends(path, said) == []  # one further question, as a rate is, is none
+    assert dead_ends(path, said + ', or --columns "time=9"') == ["--columns time=9"]
 
 
 @pytest.mark.slow

@@ -8,9 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from modalscope.data.records import Records, Signals
-from modalscope.numerics.arguments import POSITIVE, named
-from modalscope.numerics.checks import RealArray, check_kind, check_shape, freeze, real_array
-from modalscope.systems.records import Seed
+from modalscope.numerics.checks import RealArray
 
 #: Steps of the integration between two samples.
 _STEPS = 2
@@ -26,19 +24,8 @@ class HardeningRig:
 
     In phase both masses move as one: m x'' + c x' + k x + k3 x^3 = F.
 
-    Parameters
-    ----------
-    mass, damping, stiffness : float
-        m, c and k of each mass: kg, N s/m, N/m.
-    cubic : float
-        k3, N/m^3; 0 for a linear rig.
-    coupling : float
-        Of the spring between the masses, N/m.
-
-    Examples
-    --------
-    >>> HardeningRig().backbone([0.0, 0.01, 0.02]).round(3)
-    array([5.033, 5.218, 5.738])
+    `mass`, `damping`, `stiffness`: m, c and k of each mass: kg, N s/m, N/m. `cubic`: k3, N/m^3; 0 for a linear rig. `coupling`: of the
+    spring between the masses, N/m.
     """
 
     mass: float = 1.0
@@ -47,20 +34,11 @@ class HardeningRig:
     cubic: float = 1e6
     coupling: float = 800.0
 
-    def __post_init__(self) -> None:
-        freeze(self, **{name: float(getattr(self, name)) for name in self.__dataclass_fields__})
-
     def backbone(self, amplitude: ArrayLike) -> RealArray:
-        """Return the resonance of the mode in phase, Hz, at amplitudes in m: sqrt((k + 3/4 k3 a^2) / m) / 2 pi, by harmonic balance.
-
-        Parameters
-        ----------
-        amplitude : array
-        """
+        """Return the resonance of the mode in phase, Hz, at amplitudes in m: sqrt((k + 3/4 k3 a^2) / m) / 2 pi, by harmonic balance."""
         a = np.asarray(amplitude, float)
         return np.asarray(np.sqrt((self.stiffness + 0.75 * self.cubic * a**2) / self.mass) / (2 * np.pi))
 
-    @named(duration=POSITIVE, sampling_rate=POSITIVE)
     def dwell(
         self,
         forces: ArrayLike,
@@ -69,29 +47,14 @@ class HardeningRig:
         duration: float = 40.0,
         sampling_rate: float = 100.0,
         noise: float = 0.0,
-        seed: Seed = 0,
+        seed: int = 0,
     ) -> Records:
         """Return a run for every dwell: both shakers in phase at one frequency, from rest; displacements and forces.
 
-        Parameters
-        ----------
-        forces, frequencies : array, (R,)
-            Amplitude of each shaker (N) and frequency (Hz) of each dwell.
-        duration, sampling_rate : float
-            Of each run, s and Hz.
-        noise : float
-            Of each displacement, relative to its root mean square.
-        seed : int or Generator
-            Of the noise.
-
-        Raises
-        ------
-        DataError
-            Not as many forces as frequencies.
+        `forces`, `frequencies` (R,): amplitude of each shaker (N) and frequency (Hz) of each dwell. `duration`, `sampling_rate`: of
+        each run, s and Hz. `noise`: of each displacement, relative to its root mean square. `seed`: of the noise.
         """
-        F, f = (real_array(name, x, "(dwells,)", 1) for name, x in (("forces", forces), ("frequencies", frequencies)))
-        check_shape("forces", F, "one per frequency", f.shape)
-        check_kind("seed", seed, (int, np.random.Generator))
+        F, f = np.asarray(forces, float), np.asarray(frequencies, float)
         rng, h = np.random.default_rng(seed), 1 / sampling_rate / _STEPS
         state, found = np.zeros((2, f.size, 2)), np.empty((round(duration * sampling_rate), f.size, 2))
         for k in range(len(found)):

@@ -1,6 +1,6 @@
 """Correlations of a long record as a process of its own, which a study measures, stops and takes up again.
 
-`python -m tests.signals.preprocess.long_job RECORD VALUES` writes the correlations; every stretch that is summed is a line on stdout.
+`python -m benchmarks.records.long_job RECORD VALUES` writes the correlations; every stretch that is summed is a line on stdout.
 """
 
 from __future__ import annotations

@@ -9,9 +9,9 @@ from pathlib import Path
 import numpy as np
 from scipy.io import savemat
 
-from tests.io.exports.draw import ARRAYS, HALVES, Choices
-from tests.io.exports.truth import RECORDS, Truth, draw_truth
-from tests.io.exports.words import Half, Maker
+from benchmarks.exports.draw import ARRAYS, HALVES, Choices
+from benchmarks.exports.truth import RECORDS, Truth, draw_truth
+from benchmarks.exports.words import Half, Maker
 
 _SIGNS = {"comma": ",", "semicolon": ";", "tab": "\t", "blanks": " ", "bar": "|"}
 _FORMS = {"six digits": "{:.7g}", "scientific": "{:.7e}", "fixed": "{:.5f}"}

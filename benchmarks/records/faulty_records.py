@@ -1,6 +1,6 @@
 """Records and responses of known structures, sound and spoilt: each fault at three strengths.
 
-`python -m tests.signals.doctor.faulty_records` prints the table of docs/validation/spoilt-data.md: how far each fault moves the modes, in
+`python -m benchmarks.records.faulty_records` prints the table of docs/validation/spoilt-data.md: how far each fault moves the modes, in
 standard deviations, and how often it is found.
 """
 

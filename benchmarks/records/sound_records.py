@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 from scipy.signal import butter, lfilter, sosfilt
 
+from benchmarks.records import faulty_records
 from modalscope.data import Signals
 from modalscope.numerics.checks import RealArray
 from modalscope.systems import chain5, close4, heavy4, ring5
-from tests.signals.doctor import faulty_records
 
 
 def responses(

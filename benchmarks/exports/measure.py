@@ -1,4 +1,4 @@
-"""Measure the reader on seeds of the grammar. `python -m tests.io.exports.measure FIRST COUNT [near|far] [-v]`."""
+"""Measure the reader on seeds of the grammar. `python -m benchmarks.exports.measure FIRST COUNT [near|far] [-v]`."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ import tempfile
 from collections import defaultdict
 from pathlib import Path
 
-from tests.io.exports.draw import HALVES, PLAIN
-from tests.io.exports.verdict import COSTS, shrunk, tried
-from tests.io.exports.write import Drawn
+from benchmarks.exports.draw import HALVES, PLAIN
+from benchmarks.exports.verdict import COSTS, shrunk, tried
+from benchmarks.exports.write import Drawn
 
 #: Verdict, half, choices a file.
 Row = tuple[str, str, dict[str, str]]

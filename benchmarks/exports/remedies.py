@@ -1,6 +1,6 @@
 """Obey every option that `info` prints for tests of the grammar, and count those that work at the first try.
 
-    python -m tests.io.exports.remedies FIRST COUNT [-v]
+    python -m benchmarks.exports.remedies FIRST COUNT [-v]
 
 An option works where the command ends well with it, and what printed it is not said again.
 """
@@ -17,11 +17,11 @@ from pathlib import Path
 
 import numpy as np
 
+from benchmarks.exports import several
+from benchmarks.exports.draw import HALVES, draw_choices
+from benchmarks.exports.verdict import suggestions
+from benchmarks.exports.write import write
 from modalscope.interfaces.cli import main
-from tests.io.exports import several
-from tests.io.exports.draw import HALVES, draw_choices
-from tests.io.exports.verdict import suggestions
-from tests.io.exports.write import write
 
 
 def told(files: list[str], way: list[str]) -> tuple[int, list[str]]:
