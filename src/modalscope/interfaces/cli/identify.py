@@ -28,6 +28,7 @@ from modalscope.interfaces.cli.process import (
     complain,
     explain,
     narrowed,
+    note,
     progress,
     remark,
     say,
@@ -167,19 +168,18 @@ _ON_READING = ("file", "places", "base", "free decay", "units", "units not known
 
 
 def _print(result: Result, *, everything: bool = False, wide: bool = False) -> None:
-    """Print a result: how the data were read, the table, the verdict, findings, notes, candidates left out.
+    """Print a result: the table, the verdict, how the data were read, findings, notes, candidates left out.
 
-    Each note is printed once; those on computing only with --verbose. `everything`: also the candidates. `wide`: all columns.
+    Each note is printed once, in one line; its reasons and those on computing only with --verbose. `everything`: also the candidates.
+    `wide`: all columns.
     """
     from modalscope.data.shown import summary_of
     from modalscope.interfaces.plot.web.verdict import grouped, notes_that_matter, verdict_of_result
 
     verdict = verdict_of_result(result)
-    read = (note for note in result.notes if note.kind in _ON_READING)
-    remark(summary_of(result.data), *read, *_methods(result), *verdict.taken)
     if len(result.modes):
         table = result.modes.table(wide=wide) if wide else narrowed(result.modes.table(), MAX_COLUMNS)
-        say("", table, "")
+        say(table, "")
     else:
         reasons = [str(note) for note in result.modes.notes if note.kind == "no mode"]
         say(next(iter(reasons), "no significant mode"))
@@ -187,8 +187,10 @@ def _print(result: Result, *, everything: bool = False, wide: bool = False) -> N
     left = [f"Left out: {len(candidates)} (--all)."] if candidates and not everything else []
     first = " ".join([*verdict.unexplained, *verdict.graded, *left])
     say(*filter(None, [first]), *verdict.warnings)
-    texts, computing = notes_that_matter(note for note in result.notes if note.kind not in _ON_READING)
-    remark(*(f"data: {finding}" for finding in grouped(result.findings)), *(f"note: {text}" for text in texts))
+    texts, computing = notes_that_matter(told for told in result.notes if told.kind not in _ON_READING)
+    remark(summary_of(result.data), *_methods(result), *verdict.taken)
+    note(*(told for told in result.notes if told.kind in _ON_READING))
+    note(*(f"data: {finding}" for finding in grouped(result.findings)), *(f"note: {text}" for text in texts))
     if candidates and everything:
         say("left out:")
         for candidate in candidates:
