@@ -285,7 +285,10 @@ def peak_heights(record: Signals, frequencies: ArrayLike, damping_ratios: ArrayL
     if len(record.output_dofs) < 2:
         return np.full(f.size, np.inf)
     spectrum = Spectrum.of(record)
-    X = spectrum.lines / np.sqrt(np.maximum(np.mean(np.abs(spectrum.lines) ** 2, axis=(0, 1)), np.finfo(float).tiny))
+    X, size = spectrum.lines, np.empty(spectrum.lines.shape[-1])
+    for few in few_channels(X[..., 0].size, size.size, MANY_NUMBERS):
+        size[few] = np.mean(np.abs(X[..., few]) ** 2, axis=(0, 1))
+    X /= np.sqrt(np.maximum(size, np.finfo(float).tiny))
     widths = np.abs(f * zeta) / spectrum.step
     places = zip(f / spectrum.step, np.maximum(widths, _MIN_PEAK_LINES), strict=True)
     heights = np.array([_height(X, place, half) for place, half in places])
