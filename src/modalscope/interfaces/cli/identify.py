@@ -38,7 +38,6 @@ from modalscope.numerics.errors import DataError
 if TYPE_CHECKING:
     from modalscope.data import ModalModel
     from modalscope.data.results import Result
-    from modalscope.numerics.checks import RealArray
 
 #: By default Dask's workers return freed memory at once and request it again for the next transform; with these they keep it. Its monitors
 #: run less often: at tasks of seconds the default intervals cost a tenth of a processor per process.
@@ -287,13 +286,10 @@ def _table(tests: Sequence[tuple[str, ModalModel]], reference: ModalModel | None
         columns.append(cells)
         alone = ", ".join(f"{f:.4f} Hz" for f in modes.frequencies[pairs.alone[1]])
         others += [f"only in {name}: {alone}"] if alone else []
-    columns.append(["scatter of f", *(_scatter(f[np.isfinite(f)]) for f in frequencies.T)])
+    known = [f[np.isfinite(f)] for f in frequencies.T]
+    columns.append(["scatter of f", *(f"{100 * f.std(ddof=1) / f.mean():.3f} %" if f.size > 1 else "-" for f in known)])
     return "\n".join([text_table(zip(*columns, strict=True), left=(len(columns) - 1,)), *others])
 
 
 def _values(frequency: float, damping_ratio: float) -> str:
     return f"{frequency:.4f} Hz {100 * damping_ratio:.3f} %"
-
-
-def _scatter(f: RealArray) -> str:
-    return f"{100 * f.std(ddof=1) / f.mean():.3f} %" if f.size > 1 else "-"

@@ -219,24 +219,19 @@ def whitening_of(record: Signals, references: Sequence[int], band: tuple[float, 
     """
     if len(record.output_dofs) < 2:
         return None
-    spectrum, chosen = Spectrum.of(record), list(references)
-    S = _covariance(spectrum)
-    W = _whitening_matrix(spectrum, S, range(len(S)), band)
-    return Whitening(W, W if chosen == list(range(len(S))) else _whitening_matrix(spectrum, S, chosen, band))
+    spectrum, every = Spectrum.of(record), list(range(len(record.output_dofs)))
+    covariance = _covariance(spectrum)
 
+    def whitened(chosen: list[int]) -> RealArray:
+        S = covariance[np.ix_(chosen, chosen)]
+        values = np.linalg.eigvalsh(normed_covariance(S)[0])
+        levels = levels_in(spectrum, np.eye(len(every))[:, chosen] @ _components(S))
+        has_peak = np.any(levels.single_peaks & levels.inside(band)[:, None], axis=0)
+        least = values[-int(has_peak.size) :][has_peak].min() if has_peak.any() else values[-1]
+        return whitening_matrix(S, float(least / max(values[-1], np.finfo(float).tiny)))
 
-def _whitening_matrix(
-    spectrum: Spectrum, covariance: RealArray, chosen: Sequence[int], band: tuple[float, float] | None
-) -> RealArray:
-    S = covariance[np.ix_(chosen, chosen)]
-    values = np.linalg.eigvalsh(normed_covariance(S)[0])
-    components = _components(S)
-    mixed = np.zeros((len(covariance), components.shape[1]))
-    mixed[chosen] = components
-    levels = levels_in(spectrum, mixed)
-    has_peak = np.any(levels.single_peaks & levels.inside(band)[:, None], axis=0)
-    least = values[-int(has_peak.size) :][has_peak].min() if has_peak.any() else values[-1]
-    return whitening_matrix(S, float(least / max(values[-1], np.finfo(float).tiny)))
+    W = whitened(every)
+    return Whitening(W, W if list(references) == every else whitened(list(references)))
 
 
 def noise_notes(levels: Levels, band: tuple[float, float] | None = None) -> tuple[Note, ...]:
@@ -285,10 +280,8 @@ def peak_heights(record: Signals, frequencies: ArrayLike, damping_ratios: ArrayL
     if len(record.output_dofs) < 2:
         return np.full(f.size, np.inf)
     spectrum = Spectrum.of(record)
-    X, size = spectrum.lines, np.empty(spectrum.lines.shape[-1])
-    for few in few_channels(X[..., 0].size, size.size, MANY_NUMBERS):
-        size[few] = np.mean(np.abs(X[..., few]) ** 2, axis=(0, 1))
-    X /= np.sqrt(np.maximum(size, np.finfo(float).tiny))
+    X = spectrum.lines
+    X /= np.sqrt(np.maximum(np.mean(np.abs(X) ** 2, axis=(0, 1)), np.finfo(float).tiny))
     widths = np.abs(f * zeta) / spectrum.step
     places = zip(f / spectrum.step, np.maximum(widths, _MIN_PEAK_LINES), strict=True)
     heights = np.array([_height(X, place, half) for place, half in places])
