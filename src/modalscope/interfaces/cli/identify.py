@@ -87,13 +87,13 @@ def identify(options: argparse.Namespace) -> None:
 
     Several files are the parts of one test; with --each, every file is a test of its own.
     """
-    from modalscope.interfaces.cli.output import check_outputs, is_page, write_outputs, write_pictures
+    from modalscope.interfaces.cli.output import PAGES, check_outputs, write_outputs, write_pictures
 
     if options.each:
         _run_each(options)
         return
     check_outputs(options, options.files)
-    if options.apart and any(map(is_page, options.outputs)):
+    if options.apart and any(path.suffix.lower() in PAGES for path in options.outputs):
         asked = "a report covers one measurement"
         raise DataError(asked, "setups identified apart are several", "Write .json or .csv, or one report per setup.")
     result = result_of(options, options.files)
