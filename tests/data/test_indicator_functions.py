@@ -57,5 +57,5 @@ def test_prominence_is_the_height_over_the_higher_saddle() -> None:
     assert prominence(curve[:, None], f, 4.0, 0.2) == pytest.approx(3.0)
     assert prominence(np.ones((101, 2)), f, 4.0, 0.2) <= 1
     assert prominence(curve[:, None], f, 20.0, 0.01) == 0
-    with pytest.raises(DataError, match="curves on 100 lines: they have 101"):
+    with pytest.raises(DataError, match="curves need one row per frequency, 100, but they have 101"):
         prominence(curve[:, None], f[1:], 4.0, 0.2)

@@ -176,7 +176,7 @@ def test_the_fit_error_on_lines_counts_real_and_imaginary_part_and_the_direct_te
 def test_poles_outside_a_band_are_counted_not_drawn() -> None:
     d = stabilize(RESPONSE, orders=[4], band=(10, 20))
     assert np.allclose(d.poles, [TWO.pole])
-    assert "1 pole outside the band, or extraneous, not in the diagram" in map(str, d.notes)
+    assert "1 pole not drawn: outside the band, or computational" in map(str, d.notes)
     edge = stabilize(RESPONSE, orders=[4], band=(10, 14 * (1 + 1e-9)))
     assert edge.poles.size == 1
     assert stabilize(RESPONSE, orders=[4], band=(10, 14 * (1 - 1e-9))).poles.size == 0

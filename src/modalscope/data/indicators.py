@@ -159,7 +159,7 @@ def prominence(curves: ArrayLike, frequencies: ArrayLike, frequency: float, damp
     """
     f, c = real_array("frequencies", frequencies, "lines", 1), real_array("curves", curves, "lines, curves", 2)
     if len(c) != len(f):
-        raise DataError(f"curves on {len(f)} lines were asked", f"they have {len(c)}", "Give both on one axis.")
+        raise DataError(f"curves need one row per frequency, {len(f)}", f"they have {len(c)}", "Correct one of them.")
     step = float(np.median(np.diff(f)))
     half, far = max(damping_ratio * frequency, 2 * step), max(8 * damping_ratio * frequency, 8 * step)
     near = np.flatnonzero(np.abs(f - frequency) <= half)

@@ -286,7 +286,7 @@ def check_lines(lines: RealArray, values: ComplexArray) -> None:
     """Refuse no lines, another number of them than values, negative or not increasing lines, and magnitudes."""
     shape = values.shape
     if 0 in shape or lines.size == 0:
-        raise DataError("a response needs at least one line and channel", f"its shape is {shape}", "Measure one line.")
+        raise DataError("a response needs at least one line, output and input", f"its shape is {shape}", "Add it.")
     if lines.size != shape[0]:
         raise DataError(
             f"frequencies needs one entry for each of the {shape[0]} lines of values, shape {shape}",

@@ -74,8 +74,8 @@ def equations_of_motion(model: StateSpace) -> EquationsOfMotion:
         raise DataError(
             f"M^-1 K of {n} states was asked",
             f"{l} sensors give {2 * l} rows of [C; CA], at least {n} are needed",
-            f"Measure at least {-(-n // 2)} degrees of freedom, or identify {2 * l} states: order={2 * l}, and of the companion form of "
-            "polyreference block_rows=2.",
+            f"Measure at least {-(-n // 2)} degrees of freedom, or identify {2 * l} states: order={2 * l}; with "
+            "method='polyreference' also block_rows=2.",
         )
     w = float(np.abs(model.poles).max()) or 1.0  # displacements and velocities of one size
     V = np.vstack([model.C, model.C @ model.A / w])

@@ -136,7 +136,7 @@ def collected(
     names = set.intersection(*(set(cut.indicators) for cut in cuts))
     factors, decay = pipeline.factors, complex(pipeline.matrix.judged.added_damping)
     outside = sum(cut.modal.poles.size - cut.reported.size for cut in cuts)
-    text = f"{counted(outside, 'pole')} outside the band, or extraneous, not in the diagram"
+    text = f"{counted(outside, 'pole')} not drawn: outside the band, or computational"
     outsiders = [Note("poles left out", {"poles": outside}, text)] if outside else []
     whitening, records = pipeline.problem.whitening, pipeline.problem.records
     poles = [cut.modal.poles[cut.reported] for cut in cuts]

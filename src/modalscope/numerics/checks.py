@@ -369,7 +369,7 @@ def check_path(path: Any) -> Path:
     if not isinstance(path, str | PathLike) or isinstance(fspath(path), bytes):
         raise DataError("the name of a file needs text or a Path", f"it is {type(path).__name__}", "Give one of these.")
     if "\0" in fspath(path):
-        raise DataError("the name of a file cannot contain a NUL", "this one does", "Take it out.")
+        raise DataError("the name of a file cannot contain a NUL character", "this one does", "Remove it.")
     try:
         fsencode(path)
     except UnicodeEncodeError:

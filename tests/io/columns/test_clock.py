@@ -203,7 +203,7 @@ def test_whole_seconds_over_too_few_samples_leave_the_rate_open(tmp_path: Path, 
     path = tmp_path / "a.csv"
     path.write_text("Time,Acc\n" + "".join(f"10:12:{10 + k // 100},{v:.5f}\n" for k, v in enumerate(values)))
     if asked:
-        refused("the digits of the times in column 1, 'Time' .s. leave it open", read, path)
+        refused("the times in column 1, 'Time' .s. have too few digits", read, path)
     else:
         assert read(path).sampling_rate == 100
 

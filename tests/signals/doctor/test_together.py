@@ -170,7 +170,7 @@ def test_a_record_begins_where_its_recorder_does() -> None:
     started[:32, 1:] = -250.0
     cut, notes = from_its_start(ms.Signals(outputs=started, sampling_rate=2000.0))
     np.testing.assert_array_equal(cut.outputs, y[32:])
-    assert "first 32 samples (16 ms)" in notes[0].text
+    assert "First 32 samples (16 ms)" in notes[0].text
     # a hit at the beginning, a channel that stands still within its range, and a long rest are motion
     hit, within, long = y.copy(), y.copy(), y.copy()
     hit[:6, 0] = (900, 700, 400, -200, 90, 40)

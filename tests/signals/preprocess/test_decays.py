@@ -92,7 +92,7 @@ def listed(data: Signals) -> tuple[list[float], dict[str, str]]:
 def test_multiples_of_a_tone_are_no_modes_and_are_named() -> None:
     found, notes = listed(one_mode(law=0.2))
     assert found == [8.0]
-    assert "of 8 Hz, no modes: 16 Hz" in notes["multiples"]
+    assert "no modes: 16 Hz, multiples of 8 Hz" in notes["multiples"]
 
 
 def test_a_mode_at_twice_the_frequency_with_a_decay_of_its_own_stays() -> None:
@@ -108,7 +108,7 @@ def test_a_mode_at_twice_the_frequency_with_a_decay_of_its_own_stays() -> None:
 def test_a_frequency_that_goes_with_the_size_is_one_mode_and_its_range_is_said() -> None:
     found, notes = listed(one_mode(stiffer=0.02))
     assert found == [8.0]
-    assert "size of its motion: 8.1" in notes["goes with size"].partition("at first")[0]
+    assert "depends on amplitude: 8.1" in notes["goes with size"].partition("at the start")[0]
     assert ", 8.00" in notes["goes with size"]
     assert "goes with size" not in listed(one_mode())[1]
 

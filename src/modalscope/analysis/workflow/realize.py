@@ -562,12 +562,12 @@ def _again(
             notes = (*notes, *said)
         whole.append((sampled(model, records), notes))
     except DataError as error:
-        notes = (Note("fitted part", {}, f"no model of all records: {error.found}"),)
+        notes = (Note("fitted part", {}, f"No model fits all records together: {error.found}"),)
     if best.refined and whole:
         descended = least_prediction_errors(whole[0][0], records)
         whole = whole if descended is None else [(descended, notes)]
     text = Note(
-        "fitted part", {}, "fitted to a part of the records: its error is less than half of that of a fit to all"
+        "fitted part", {}, "Fitted to a part of the records: a fit to all of them has more than twice its error"
     )
     whole += [(model, (*notes, text)) for model in best.models]
     plain = [replace(m, gain=None, innovation_covariance=None) for m, _ in whole]

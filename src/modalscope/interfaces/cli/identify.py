@@ -28,6 +28,7 @@ from modalscope.interfaces.cli.process import (
     complain,
     explain,
     narrowed,
+    note,
     progress,
     remark,
     say,
@@ -37,7 +38,6 @@ from modalscope.numerics.errors import DataError
 if TYPE_CHECKING:
     from modalscope.data import ModalModel
     from modalscope.data.results import Result
-    from modalscope.numerics.checks import RealArray
 
 #: By default Dask's workers return freed memory at once and request it again for the next transform; with these they keep it. Its monitors
 #: run less often: at tasks of seconds the default intervals cost a tenth of a processor per process.
@@ -87,13 +87,13 @@ def identify(options: argparse.Namespace) -> None:
 
     Several files are the parts of one test; with --each, every file is a test of its own.
     """
-    from modalscope.interfaces.cli.output import check_outputs, is_page, write_outputs, write_pictures
+    from modalscope.interfaces.cli.output import PAGES, check_outputs, write_outputs, write_pictures
 
     if options.each:
         _run_each(options)
         return
     check_outputs(options, options.files)
-    if options.apart and any(map(is_page, options.outputs)):
+    if options.apart and any(path.suffix.lower() in PAGES for path in options.outputs):
         asked = "a report covers one measurement"
         raise DataError(asked, "setups identified apart are several", "Write .json or .csv, or one report per setup.")
     result = result_of(options, options.files)
@@ -167,19 +167,18 @@ _ON_READING = ("file", "places", "base", "free decay", "units", "units not known
 
 
 def _print(result: Result, *, everything: bool = False, wide: bool = False) -> None:
-    """Print a result: how the data were read, the table, the verdict, findings, notes, candidates left out.
+    """Print a result: the table, the verdict, how the data were read, findings, notes, candidates left out.
 
-    Each note is printed once; those on computing only with --verbose. `everything`: also the candidates. `wide`: all columns.
+    Each note is printed once, in one line; its reasons and those on computing only with --verbose. `everything`: also the candidates.
+    `wide`: all columns.
     """
     from modalscope.data.shown import summary_of
     from modalscope.interfaces.plot.web.verdict import grouped, notes_that_matter, verdict_of_result
 
     verdict = verdict_of_result(result)
-    read = (note for note in result.notes if note.kind in _ON_READING)
-    remark(summary_of(result.data), *read, *_methods(result), *verdict.taken)
     if len(result.modes):
         table = result.modes.table(wide=wide) if wide else narrowed(result.modes.table(), MAX_COLUMNS)
-        say("", table, "")
+        say(table, "")
     else:
         reasons = [str(note) for note in result.modes.notes if note.kind == "no mode"]
         say(next(iter(reasons), "no significant mode"))
@@ -187,8 +186,10 @@ def _print(result: Result, *, everything: bool = False, wide: bool = False) -> N
     left = [f"Left out: {len(candidates)} (--all)."] if candidates and not everything else []
     first = " ".join([*verdict.unexplained, *verdict.graded, *left])
     say(*filter(None, [first]), *verdict.warnings)
-    texts, computing = notes_that_matter(note for note in result.notes if note.kind not in _ON_READING)
-    remark(*(f"data: {finding}" for finding in grouped(result.findings)), *(f"note: {text}" for text in texts))
+    texts, computing = notes_that_matter(told for told in result.notes if told.kind not in _ON_READING)
+    remark(summary_of(result.data), *_methods(result), *verdict.taken)
+    note(*(told for told in result.notes if told.kind in _ON_READING))
+    note(*(f"data: {finding}" for finding in grouped(result.findings)), *(f"note: {text}" for text in texts))
     if candidates and everything:
         say("left out:")
         for candidate in candidates:
@@ -285,13 +286,10 @@ def _table(tests: Sequence[tuple[str, ModalModel]], reference: ModalModel | None
         columns.append(cells)
         alone = ", ".join(f"{f:.4f} Hz" for f in modes.frequencies[pairs.alone[1]])
         others += [f"only in {name}: {alone}"] if alone else []
-    columns.append(["scatter of f", *(_scatter(f[np.isfinite(f)]) for f in frequencies.T)])
+    known = [f[np.isfinite(f)] for f in frequencies.T]
+    columns.append(["scatter of f", *(f"{100 * f.std(ddof=1) / f.mean():.3f} %" if f.size > 1 else "-" for f in known)])
     return "\n".join([text_table(zip(*columns, strict=True), left=(len(columns) - 1,)), *others])
 
 
 def _values(frequency: float, damping_ratio: float) -> str:
     return f"{frequency:.4f} Hz {100 * damping_ratio:.3f} %"
-
-
-def _scatter(f: RealArray) -> str:
-    return f"{100 * f.std(ddof=1) / f.mean():.3f} %" if f.size > 1 else "-"

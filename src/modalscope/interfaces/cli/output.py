@@ -26,11 +26,6 @@ PICTURES = (".png", ".svg", ".pdf")
 _RESULTS = (".json", ".csv", ".uff", ".unv", ".xlsx", *PAGES, ".npz", ".h5", ".hdf5", ".mat")
 
 
-def is_page(path: Path) -> bool:
-    """Whether the file is a report."""
-    return path.suffix.lower() in PAGES
-
-
 def check_outputs(
     options: argparse.Namespace, sources: Iterable[Path], suffixes: tuple[str, ...] = _RESULTS, example: str = ""
 ) -> None:
@@ -80,7 +75,7 @@ def write_outputs(
 def write_file(options: argparse.Namespace, path: Path, result: Any, fields: dict[str, Any], **reported: Any) -> str:
     """Write a result to one file, a report or data, and return the message; `reported`: what a report takes besides."""
     with progress(f"writing {path.name}"):
-        if not is_page(path):
+        if path.suffix.lower() not in PAGES:
             return _write(path, result, fields)
         from modalscope.interfaces.reporting import report
 

@@ -260,7 +260,7 @@ def add_common(parser: Parser) -> None:
     """Add the options of every command: verbosity and a file of options."""
     add = parser.group(_COMMON)
     add("-q/--quiet", "print the result only: no remarks, no progress")
-    add("-v/--verbose", "also print all settings that were chosen")
+    add("-v/--verbose", "also print reasons of notes, and all settings that were chosen")
     add("--log FILE", "file that all remarks and settings are added to, with their times")
     add("--config TOML", "file of options, one table per command; the command line takes precedence")
 

@@ -97,7 +97,7 @@ class _Terminal(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
         """Print one record."""
         if record.levelno < logging.WARNING:
-            say(record.getMessage())
+            say(getattr(record, "brief", record.getMessage()))
         elif sys.stderr is not None:
             with suppress(OSError):
                 print(f"modalscope: {record.getMessage()}", file=sys.stderr)
@@ -198,6 +198,35 @@ def remark(*texts: object) -> None:
     """Print remarks on the result, unless --quiet was given."""
     for text in texts:
         _LOG.info("%s", text)
+
+
+def note(*texts: object) -> None:
+    """Print notes on the result, one line each, unless --quiet was given; with --verbose, and in the log, they have their reasons."""
+    verbose = _LOG.isEnabledFor(logging.DEBUG)
+    for text in map(str, texts):
+        _LOG.info("%s", text, extra={"brief": text if verbose else brief(text)})
+
+
+#: A reason in brackets; a remedy begins with "else:".
+_REASON = re.compile(r" \((?!else:)[^()]*\)(?=[\s,;.:]|$)")
+
+
+def brief(text: str, columns: int = MAX_COLUMNS) -> str:
+    """Return a note without the reasons in brackets, and with the clauses that fit into a line: --verbose prints the others.
+
+    Examples
+    --------
+    >>> brief("Residual not white (lag-1 correlation 0.93): intervals widened")
+    'Residual not white: intervals widened'
+    >>> brief("hit 3: a second pulse, 1164 samples later. It is used, as its force is recorded", 60)
+    'hit 3: a second pulse, 1164 samples later (-v)'
+    """
+    text = _REASON.sub("", text)
+    if len(text) <= columns:
+        return text
+    room = text[: columns - len(" (-v)") + 1]
+    ends = [room.rfind(sign) for sign in (". ", "; ", " (else:", ": ", ", ", " ")]
+    return f"{room[: next((end for end in ends if end > columns / 3), len(room) - 1)]} (-v)"
 
 
 def explain(*texts: object) -> None:

@@ -26,8 +26,6 @@ from modalscope.interfaces.cli.process import explain, progress, remark, say
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from modalscope.analysis.comparing.run import MethodResult
-
 
 def add_realize(parser: Parser) -> None:
     """Add the arguments of `realize`."""
@@ -187,20 +185,12 @@ def compare(options: argparse.Namespace) -> None:
     data, notes = read_test(options)
     methods = "all" if options.methods == ["all"] else options.methods
     with progress("comparing") as show:
-        comparison = compare(data, methods, progress=show, partial=_explain_result, **given)
+        comparison = compare(data, methods, progress=show, **given)
     comparison = replace(comparison, notes=(*notes, *comparison.notes))
     written = write_outputs(options, comparison, method="consensus", domain="all", orders=given["orders"] or ())
     remark(*notes)
     hint = () if options.verbose or options.quiet else ("\n-v prints the values of every method",)
     say(comparison.table(each=options.verbose), *hint, *written)
-
-
-def _explain_result(result: MethodResult) -> None:
-    """Print a line on the result of one method of a comparison, if --verbose was given: the table has them all."""
-    from modalscope.data.shown import counted
-
-    found = result.failure if result.modes is None else counted(len(result.modes), "mode")
-    explain(f"{result.route + ': ' if result.route else ''}{result.label}: {found}")
 
 
 def add_next(parser: Parser) -> None:
@@ -345,8 +335,7 @@ def report(options: argparse.Namespace) -> None:
     check_outputs(options, (options.file, *(options.data or ())), PAGES, "report.html")
     with progress("identifying") as show:
         result = _saved(options, show)
-    for path in options.outputs:
-        say(write_file(options, path, result, {}, title=options.title))
+    say(*(write_file(options, path, result, {}, title=options.title) for path in options.outputs))
     if options.pictures is not None:
         options.files = [options.file, *(options.data or ())]
         with progress("selecting"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 
 from modalscope.interfaces.cli.parser import Parser, add_band, add_files, add_outputs
 from modalscope.interfaces.cli.process import progress, remark, say
@@ -119,14 +120,12 @@ def ods(options: argparse.Namespace) -> None:
     asked = {name: getattr(options, name) for name in ("frequency", "input", "order", "tacho", "time")}
     with progress("computing shapes"):
         shapes = ods(data, **asked)
-    written = []
-    for path in options.outputs:
-        if path.suffix.lower() == ".gif":
-            with progress(f"drawing {path.name}"):
-                animate(shapes, range(len(shapes)), path)
-            written.append(f"written: {path}")
-        else:
-            written.append(write_data(path, shapes))
+
+    def film(path: Path) -> str:
+        with progress(f"drawing {path.name}"):
+            return f"written: {animate(shapes, range(len(shapes)), path)}"
+
+    written = [film(p) if p.suffix.lower() == ".gif" else write_data(p, shapes) for p in options.outputs]
     remark(*notes, *shapes.notes)
     say("         f [Hz]  largest motion at")
     for number, (f, shape) in enumerate(zip(shapes.frequencies, shapes.shapes.T, strict=True), 1):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from modalscope.interfaces.cli.parser import Parser, add_choices, add_method, add_orders, add_reading
 from modalscope.interfaces.cli.process import complain, progress, remark, say
@@ -146,10 +146,12 @@ def _judge(options: argparse.Namespace, store: Store) -> bool:
 def _look(options: argparse.Namespace, store: Store) -> bool:
     """Store what is new, and list what cannot be used; return whether anything is new."""
     from modalscope.analysis.monitoring import collect
+    from modalscope.interfaces.cli.reading import choices, reading_options
 
+    given = choices(options) | {"reading": reading_options(options, options.folder) or None}
     with progress("identifying", "record") as show:
-        choices = {"jobs": options.jobs, "settled": options.settled, "options": _choices(options)}
-        found = collect(options.folder, store, **choices, progress=show)
+        own = {"jobs": options.jobs, "settled": options.settled, "options": given}
+        found = collect(options.folder, store, **own, progress=show)
     for name, reason in found.refused:
         complain(f"{name}: {reason}")
     if found.added or found.refused or options.once:
@@ -157,12 +159,5 @@ def _look(options: argparse.Namespace, store: Store) -> bool:
     if found.replaced:
         remark(f"their content changed, the earlier record is replaced: {', '.join(found.replaced)}")
     if found.waiting and options.once:
-        complain(f"they do not stand still, left for the next run: {', '.join(found.waiting)}")
+        complain(f"still being written, left for the next run: {', '.join(found.waiting)}")
     return found.added > 0
-
-
-def _choices(options: argparse.Namespace) -> dict[str, Any]:
-    """Return the choices of the command line as `analyze` takes them."""
-    from modalscope.interfaces.cli.reading import choices, reading_options
-
-    return choices(options) | {"reading": reading_options(options, options.folder) or None}

@@ -44,6 +44,9 @@ if TYPE_CHECKING:
 #: Maximum number of drawn lines, faces or nodes, and of bars; more are thinned.
 _MAX_DRAWN, _MAX_BARS = 20_000, 2000
 
+#: Ends of the axis of bars, of which the largest has length 1.
+_BAR_ENDS = (-1.12, 1.12)
+
 #: Largest displacement as a share of the size of the structure.
 _AMPLITUDE = 0.14
 
@@ -251,9 +254,10 @@ def _bars(modes: ModalModel, index: int, values: RealArray, *, std: bool) -> Pan
     items = [*bars(places, heights), level(across, 0.0, "ink")]
     if std and modes.shapes_std is not None:
         spread = modes.shapes_std[order, index] / (float(np.max(np.abs(modes.shapes[:, index]))) or 1.0)
-        items += ranges(places, heights - spread, heights + spread, "ink")
+        low, high = (np.clip(ends, *_BAR_ENDS) for ends in (heights - spread, heights + spread))
+        items += ranges(places, low, high, "ink")
     label = "shape (largest 1)" + (", ± 1 deviation" if std else "")
-    return Panel(across, Axis(label, -1.12, 1.12), items)
+    return Panel(across, Axis(label, *_BAR_ENDS), items)
 
 
 def _over_length(

@@ -225,7 +225,7 @@ def stabilization_sections(modes: ModalModel, diagram: StabilizationDiagram, ori
     for band in bands:
         orders = {"orders": record.orders_listed(band.diagram.orders)}
         yield band.named(record.settings_section(band.diagram, orders), several)
-    yield record.notes_section(diagram.notes if origin.notes is None else origin.notes, diagram.kinds)
+    yield record.notes_section(origin.notes or (*modes.notes, *diagram.notes), diagram.kinds)
     yield record.repeat_section(origin.script or record.stabilization_script(diagram, origin.source), origin.command)
 
 

@@ -16,7 +16,7 @@ from modalscope.identification.identify import Identification
 from modalscope.identification.method_names import cell_label
 from modalscope.interfaces.plot.intervals import certificate_picture, intervals_picture
 from modalscope.interfaces.plot.web.fits import Fit
-from modalscope.interfaces.plot.web.verdict import notes_that_matter, verdict_of
+from modalscope.interfaces.plot.web.verdict import verdict_of
 from modalscope.interfaces.reporting.html import Section, figure, folded, paragraph, table
 from modalscope.numerics.checks import BoolArray
 from modalscope.selection.judging.description import HEADS, WORDS, described, table_of
@@ -36,7 +36,7 @@ _INDICATOR_MEANINGS = {
 
 
 def intervals_section(modes: ModalModel) -> Section:
-    """Draw the 95 % intervals of frequencies and damping ratios with their notes, or state how to obtain them."""
+    """Draw the 95 % intervals of frequencies and damping ratios, or state how to obtain them."""
     title = "Confidence intervals"
     if modes.frequencies_std is None and modes.frequencies_repeatability is None:
         reasons = [str(note) for note in modes.notes if note.kind == "not refined"]
@@ -46,8 +46,7 @@ def intervals_section(modes: ModalModel) -> Section:
     lead = paragraph(f"95 % intervals, each mode on its own axis; from the noise{scatter}.", "muted")
     drawn = [intervals_picture(modes, of) for of in ("frequency", "damping")]
     pictures = "".join(figure(picture, height=76 + 21 * len(modes)) for picture in drawn)
-    notes = "".join(map(paragraph, notes_that_matter(modes.notes)[0]))
-    return Section("intervals", title, f'{lead}<div class="pair">{pictures}</div>{notes}')
+    return Section("intervals", title, f'{lead}<div class="pair">{pictures}</div>')
 
 
 def certificate_section(certificate: Certificate) -> Section:

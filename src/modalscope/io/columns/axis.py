@@ -225,7 +225,7 @@ def _is_single(times: RealArray) -> bool:
 
 
 def _uneven(fault: str) -> DataError:
-    return DataError("evenly sampled, increasing times were needed", fault, "Resample the record evenly.")
+    return DataError("times must rise in even steps", fault, "Correct the times, or resample the record evenly.")
 
 
 def roundest(value: float, doubt: float) -> float:

@@ -46,7 +46,7 @@ def contents_from_table(table: Table, options: Options) -> Contents:
     if not option_roles and not options.get("content"):
         _refuse_near(table, found, _works(table, columns, options))
     contents = _read(table, columns, found, option_roles, options)
-    weighed = [] if option_roles else [Finding(part="reading", what=_compared(found, margin))]
+    weighed = [] if option_roles else [Finding(part="reading", what=_compared(found))]
     return replace(contents, found=(*contents.found, *weighed), margin=margin)
 
 
@@ -56,13 +56,12 @@ def _margin(found: Sequence[Reading]) -> float:
     return float(best["record"] - best["response"])
 
 
-def _compared(found: Sequence[Reading], margin: float) -> str:
-    """Return how far the reading is ahead of the other, in words."""
+def _compared(found: Sequence[Reading]) -> str:
+    """Return which reading was likelier, in words."""
     words = {"record": "a record over time", "response": "responses over frequency"}
     content = found[0].content
     other = "response" if content == "record" else "record"
-    ahead = margin if content == "record" else -margin
-    return f"{words[content]}; log likelihood {ahead:.0f} above {words[other]}"
+    return f"{words[content]} rather than {words[other]}"
 
 
 def _read(

@@ -274,7 +274,7 @@ def sampling_rate(table: Table, axis: Column | None, options: Options) -> tuple[
         raise needs(table.where, f"evenly sampled times in {axis}", error.found, remedy) from None
     if stated is None and sampling.doubt > _MAX_DOUBT_OF_RATE * sampling.rate:
         rate = f"{sampling.rate:.6g} Hz, give or take {figures(sampling.doubt, 2)}"
-        raise needs(table.where, "a sampling rate", f"the digits of the times in {axis} leave it open: {rate}", remedy)
+        raise needs(table.where, "a sampling rate", f"the times in {axis} have too few digits: {rate}", remedy)
     if stated is not None and not same_rate(stated, sampling.rate, sampling.doubt):
         asked = f"reading {table.where} at {stated:g} Hz, as {source} says, was asked"
         remedy = f"Say what is right: --sampling-rate {sampling.rate:.6g}, or {way_out} {stated:g}"

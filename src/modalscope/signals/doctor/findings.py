@@ -22,7 +22,7 @@ Side = tuple[str, Array, tuple[str, ...]]
 
 _EXCLUDE = "Check cable and sensor, or leave it out: --exclude {channels[0]!r}."
 _AS_RUNS = "Give the parts before and after as runs: merge([...])."
-_ALIGNED = "Outputs are shifted back before modes are identified (--delays {given}); to keep the delays: --delays none."
+_ALIGNED = "Identification shifts these outputs back (its --delays {given}; to keep the delays: --delays none)."
 
 #: Reason and remedy of every kind of finding; rows of one kind differ in what follows the colon.
 ROWS = {

@@ -85,7 +85,8 @@ def bad_hits(signals: Signals) -> list[Finding]:
     for hit in (hit for hit in hits if hit.reason):
         others = [h.number for h in hits if h.number != hit.number and not h.unfit]
         effect = _without(signals, hit.number, others)
-        measured: dict[str, Any] = {"number": hit.number, "reason": hit.reason, "others": others, "effect": effect}
+        measured: dict[str, Any] = {"number": hit.number, "others": others, "effect": effect}
+        measured["reason"] = hit.reason.removeprefix("overloaded: ").removeprefix("double hit: ")  # as the kind says
         findings.append(finding("overload" if hit.unfit else "double hit", *signals.input_dofs, **measured))
     return findings
 

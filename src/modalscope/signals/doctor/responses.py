@@ -273,7 +273,7 @@ def no_complex_values(response: FrequencyResponse) -> list[Finding]:
     H = response.values
     if response.lines < _MIN_LINES or not np.any(H.imag):
         return []
-    for check in (_parts, _degrees, _levels):
+    for check in (_parts, _degrees, _rough, _levels):
         if fault := check(H):
             name, measured = fault
             return [finding(f"no complex values: {name}", *response.output_dofs, **measured)]
@@ -299,31 +299,27 @@ def _parts(H: Array) -> tuple[str, dict[str, Any]] | None:
 
 
 def _degrees(H: Array) -> tuple[str, dict[str, Any]] | None:
-    """Return measures of phases that cluster where degrees taken for radians put the real axis, or that jump from line to line."""
-    phase = np.angle(H[np.abs(H) > 0])
-    if not phase.size:
-        return None
+    """Return measures of phases that cluster where degrees taken for radians put the real axis."""
+    phase = np.abs(np.angle(H))[H != 0]
     limit = 2 * np.pi - _REAL_AXIS
-    share = float(np.mean(np.abs(np.abs(phase) - limit) < _PHASE_TOLERANCE))
-    at_180 = np.mean(np.abs(np.abs(phase) - np.pi) < _PHASE_TOLERANCE)
-    if share > _MIN_AT_REAL_AXIS and at_180 < _MAX_AT_180:
-        return "turned", {"percent": 100 * share, "limit": np.degrees(limit)}
-    return ("rough", {}) if _rough(H) else None
+    share, at_180 = (float(np.mean(np.abs(phase - angle) < _PHASE_TOLERANCE)) for angle in (limit, np.pi))
+    turned = share > _MIN_AT_REAL_AXIS and at_180 < _MAX_AT_180
+    return ("turned", {"percent": 100 * share, "limit": np.degrees(limit)}) if turned else None
 
 
-def _rough(H: Array) -> bool:
-    """Return whether phases change from line to line many times as much as the logarithms of magnitudes, in the median of all.
+def _rough(H: Array) -> tuple[str, dict[str, Any]] | None:
+    """Return that phases change from line to line many times as much as the logarithms of magnitudes, in the median of all, or None.
 
     Of many channels some tell it.
     """
-    H = H.reshape(len(H), -1)[:, telling(H[0].size)]
-    size = np.maximum(np.abs(H), np.finfo(float).tiny)
-    steps = np.conj(H[:-1]) * H[1:]
-    steps = steps / np.maximum(np.abs(steps), np.finfo(float).tiny)
-    # a delay turns all lines of a pair alike
-    change = np.median(np.abs(np.angle(steps * np.conj(steps.sum(axis=0)))))
-    log_change = float(np.median(np.abs(np.diff(np.log(size), axis=0))))
-    return bool(change > max(_MIN_PHASE_CHANGE, _MIN_CHANGE_RATIO * log_change))
+    H, tiny = H.reshape(len(H), -1)[:, telling(H[0].size)], np.finfo(float).tiny
+    log_change = float(np.median(np.abs(np.diff(np.log(np.maximum(np.abs(H), tiny)), axis=0))))
+    steps = np.conj(H[:-1])
+    steps *= H[1:]
+    steps /= np.maximum(np.abs(steps), tiny)
+    steps *= np.conj(steps.sum(axis=0))  # a delay turns all lines of a pair alike
+    change = np.median(np.abs(np.angle(steps)))
+    return ("rough", {}) if change > max(_MIN_PHASE_CHANGE, _MIN_CHANGE_RATIO * log_change) else None
 
 
 def _levels(H: Array) -> tuple[str, dict[str, Any]] | None:
@@ -342,10 +338,9 @@ def _levels(H: Array) -> tuple[str, dict[str, Any]] | None:
 
 def examine_response(response: Response, *, whole: bool = False) -> list[Finding]:
     """Return the findings on a response; coherence, slopes and resolution are those of lines. `whole`: outlying lines in all pairs."""
-    sides = sides_of(response)
-    findings = [f for _, columns, labels in sides for f in dead_channels(columns, labels)]
-    _, columns, labels = sides[0]
-    findings += identical_channels(columns, labels) + check_polarity(response)
+    # columns are as large as the data: they are not kept from one check to the next
+    findings = [f for _, columns, labels in sides_of(response) for f in dead_channels(columns, labels)]
+    findings += identical_channels(*sides_of(response)[0][1:]) + check_polarity(response)
     if isinstance(response, FrequencyResponse):
         unusable = no_complex_values(response) or no_phase(response)
         if unusable:  # the other checks need complex values

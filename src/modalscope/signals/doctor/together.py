@@ -139,7 +139,7 @@ def from_its_start(record: Signals) -> tuple[Signals, tuple[Note, ...]]:
     u = record.by_run()[1]
     cut = replace(record, outputs=y[begin:], inputs=None if u is None else u[0, begin:])
     names, ms = ", ".join(still[:4]), 1e3 * begin / record.sampling_rate
-    said = f"The first {begin} samples ({figures(ms)} ms) were left out: {names} stand still there, far beyond what follows"
+    said = f"First {begin} samples ({figures(ms)} ms) left out: {names} constant there, far off all later values"
     return cut.processed(f"cut to begin at sample {begin + 1}"), (Note("start", {"samples": float(begin)}, said),)
 
 

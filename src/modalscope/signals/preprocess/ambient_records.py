@@ -27,10 +27,10 @@ from modalscope.signals.preprocess.spectra import Spectrum
 from modalscope.signals.preprocess.spectral_peaks import (
     Levels,
     clear_peaks,
+    component_levels,
     levels_in,
     levels_of,
     noise_notes,
-    uncorrelated,
 )
 from modalscope.signals.preprocess.steady import steadied
 
@@ -136,7 +136,7 @@ class _Examined(NamedTuple):
 def _examined(record: Signals | StoredSignals) -> _Examined:
     excerpt = record.excerpt()
     spectrum = Spectrum.of(excerpt)
-    return _Examined(excerpt, spectrum, levels_in(spectrum).with_combinations(levels_in(uncorrelated(spectrum))))
+    return _Examined(excerpt, spectrum, levels_in(spectrum).with_combinations(component_levels(spectrum)))
 
 
 def _at_one_level(record: Any, seen: _Examined) -> tuple[Any, _Examined, tuple[Note, ...]]:
@@ -256,5 +256,5 @@ def _own(setups: Setups) -> AutomaticBands:
     count = min(setups.samples)
     spectra = [Spectrum.of(replace(part, outputs=part.outputs[..., :count, :])) for part in setups.parts]
     first, *others = map(levels_in, spectra)
-    levels = first.with_channels(others).with_combinations(*(levels_in(uncorrelated(spectrum)) for spectrum in spectra))
+    levels = first.with_channels(others).with_combinations(*(component_levels(spectrum) for spectrum in spectra))
     return automatic_bands(levels, setups.sampling_rate)

@@ -190,15 +190,15 @@ def _notes_on(y: RealArray, signals: Signals) -> tuple[Note, ...]:
     if tone.multiples:
         listed = ", ".join(f"{k * tone.frequency * rate:.4g}" for k in tone.multiples)
         text = (
-            f"Multiples of {tone.frequency * rate:.4g} Hz, no modes: {listed} Hz. Their sizes and phases follow from it: "
-            "distortion of a sensor or large motion (a string alone has modes there)"
+            f"Distortion, no modes: {listed} Hz, multiples of {tone.frequency * rate:.4g} Hz whose size and phase follow from it "
+            "(a sensor beyond its range, or large motion; of structures a string alone has modes there)"
         )
         notes.append(Note("multiples", {"hz": tone.frequency * rate}, text))
     if tone.first:
         (low, damped), f = tone.first, tone.frequency
         text = (
-            f"One mode, which goes with the size of its motion: {low * rate:.5g} Hz with a damping of {percent(damped, 2)} at first, "
-            f"{f * rate:.5g} Hz with {percent(tone.damping, 2)} at the end"
+            f"One mode that depends on amplitude: {low * rate:.5g} Hz, damping {percent(damped, 2)} at the start, "
+            f"{f * rate:.5g} Hz, {percent(tone.damping, 2)} at the end"
         )
         notes.append(Note("goes with size", {"first_hz": low * rate, "last_hz": f * rate}, text))
     return tuple(notes)

@@ -61,8 +61,8 @@ def powers_of_stretches(y: RealArray) -> RealArray:
     size = len(y) // _PARTS
     if size < 2:
         return np.ones(_PARTS)
-    centred = y[: size * _PARTS] - y.mean(axis=0)
-    power = np.mean(centred.reshape(_PARTS, size, -1) ** 2, axis=1)
+    mean, stretches = y.mean(axis=0), y[: size * _PARTS].reshape(_PARTS, size, -1)
+    power = np.array([np.mean((part - mean) ** 2, axis=0) for part in stretches])
     tiny = np.finfo(float).tiny
     medians = np.median(power / np.maximum(power.mean(axis=0), tiny), axis=1)
     return np.asarray(medians / max(float(medians.mean()), tiny))

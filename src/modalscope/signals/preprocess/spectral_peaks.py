@@ -166,14 +166,15 @@ def levels_of(signals: Signals) -> Levels:
     return levels_in(Spectrum.of(signals))
 
 
-def levels_in(spectrum: Spectrum) -> Levels:
-    """Return the spectral levels of a record from its spectrum, averaged over runs."""
-    runs, lines, channels = spectrum.lines.shape
+def levels_in(spectrum: Spectrum, mixed: RealArray | None = None) -> Levels:
+    """Return the spectral levels of a record from its spectrum, averaged over runs; of combinations of its channels, columns of `mixed`."""
+    runs, lines, channels = spectrum.lines.shape if mixed is None else (*spectrum.lines.shape[:2], mixed.shape[1])
     edges = bin_edges(2, lines - 1, _MIN_BIN_LINES)  # the first lines hold the remainder of the straight line
     middles = (edges[:-1] + edges[1:] - 1) / 2 * spectrum.step
     values = np.empty((len(middles), channels))
     for few in few_channels(lines, channels, MANY_NUMBERS):
-        power = sum(x[:, few].real ** 2 + x[:, few].imag ** 2 for x in spectrum.lines) / (spectrum.step * runs)
+        parts = (x[:, few] if mixed is None else x @ mixed[:, few] for x in spectrum.lines)
+        power = sum(x.real**2 + x.imag**2 for x in parts) / (spectrum.step * runs)
         for median, (a, b) in zip(values, itertools.pairwise(edges), strict=True):
             median[few] = np.median(power[a:b], axis=0)
     return Levels(middles, np.diff(edges).astype(float), values / np.log(2))
@@ -187,20 +188,27 @@ def bin_edges(first: int, end: int, least: int) -> IntArray:
     return np.array(edges)
 
 
-def uncorrelated(spectrum: Spectrum) -> Spectrum:
-    """Return the spectrum of the principal components of the outputs, each of size one: a weak mode has a peak in one of them.
+def component_levels(spectrum: Spectrum) -> Levels:
+    """Return the spectral levels of the principal components of the channels, averaged over runs."""
+    return levels_in(spectrum, _components(_covariance(spectrum)))
 
-    With D the root mean squares of the channels and D^-1 S D^-1 = V E V', these are E^-1/2 V' D^-1 y.
+
+def _components(covariance: RealArray) -> RealArray:
+    """Return the principal components of channels, each of size one, as columns: a weak mode has a peak in one of them.
+
+    With D the root mean squares of the channels and D^-1 S D^-1 = V E V', these are D^-1 V E^-1/2.
     """
-    C, size = normed_covariance(_covariance(spectrum))
+    C, size = normed_covariance(covariance)
     values, vectors = np.linalg.eigh(C)
     kept = values > _MIN_EIGENVALUE * max(float(values[-1]), np.finfo(float).tiny)
-    return spectrum._replace(lines=spectrum.lines @ (vectors[:, kept] / np.sqrt(values[kept]) / size[:, None]))
+    return np.asarray(vectors[:, kept] / np.sqrt(values[kept]) / size[:, None])
 
 
 def _covariance(spectrum: Spectrum) -> RealArray:
+    """Return the covariance of the channels of a spectrum, summed over stretches of its lines: parts of complex numbers are copied."""
     lines = spectrum.lines.reshape(-1, spectrum.lines.shape[-1])
-    return np.asarray(lines.real.T @ lines.real + lines.imag.T @ lines.imag)
+    parts = (lines[few] for few in few_channels(lines.shape[1], len(lines), MANY_NUMBERS))
+    return np.asarray(sum(x.real.T @ x.real + x.imag.T @ x.imag for x in parts))
 
 
 def whitening_of(record: Signals, references: Sequence[int], band: tuple[float, float] | None) -> Whitening | None:
@@ -211,20 +219,19 @@ def whitening_of(record: Signals, references: Sequence[int], band: tuple[float, 
     """
     if len(record.output_dofs) < 2:
         return None
-    spectrum, chosen = Spectrum.of(record), list(references)
-    W = _whitening_matrix(spectrum, band)
-    if chosen == list(range(len(W))):
-        return Whitening(W, W)
-    return Whitening(W, _whitening_matrix(spectrum._replace(lines=spectrum.lines[..., chosen]), band))
+    spectrum, every = Spectrum.of(record), list(range(len(record.output_dofs)))
+    covariance = _covariance(spectrum)
 
+    def whitened(chosen: list[int]) -> RealArray:
+        S = covariance[np.ix_(chosen, chosen)]
+        values = np.linalg.eigvalsh(normed_covariance(S)[0])
+        levels = levels_in(spectrum, np.eye(len(every))[:, chosen] @ _components(S))
+        has_peak = np.any(levels.single_peaks & levels.inside(band)[:, None], axis=0)
+        least = values[-int(has_peak.size) :][has_peak].min() if has_peak.any() else values[-1]
+        return whitening_matrix(S, float(least / max(values[-1], np.finfo(float).tiny)))
 
-def _whitening_matrix(spectrum: Spectrum, band: tuple[float, float] | None) -> RealArray:
-    S = _covariance(spectrum)
-    values = np.linalg.eigvalsh(normed_covariance(S)[0])
-    levels = levels_in(uncorrelated(spectrum))
-    has_peak = np.any(levels.single_peaks & levels.inside(band)[:, None], axis=0)
-    least = values[-int(has_peak.size) :][has_peak].min() if has_peak.any() else values[-1]
-    return whitening_matrix(S, float(least / max(values[-1], np.finfo(float).tiny)))
+    W = whitened(every)
+    return Whitening(W, W if list(references) == every else whitened(list(references)))
 
 
 def noise_notes(levels: Levels, band: tuple[float, float] | None = None) -> tuple[Note, ...]:
@@ -273,7 +280,8 @@ def peak_heights(record: Signals, frequencies: ArrayLike, damping_ratios: ArrayL
     if len(record.output_dofs) < 2:
         return np.full(f.size, np.inf)
     spectrum = Spectrum.of(record)
-    X = spectrum.lines / np.sqrt(np.maximum(np.mean(np.abs(spectrum.lines) ** 2, axis=(0, 1)), np.finfo(float).tiny))
+    X = spectrum.lines
+    X /= np.sqrt(np.maximum(np.mean(np.abs(X) ** 2, axis=(0, 1)), np.finfo(float).tiny))
     widths = np.abs(f * zeta) / spectrum.step
     places = zip(f / spectrum.step, np.maximum(widths, _MIN_PEAK_LINES), strict=True)
     heights = np.array([_height(X, place, half) for place, half in places])
