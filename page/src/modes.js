@@ -1,4 +1,5 @@
 // The table of modes, with intervals, reasons and what was left out.
+import { plainly } from "./dialogs.js";
 import { fill, h, icon, ICONS, number } from "./dom.js";
 
 /** Types of modes that a name is chosen from, or begins with. */
@@ -117,7 +118,7 @@ export function makeModes(place, acts) {
       );
       fill(
         left,
-        (given.warnings ?? []).map((words) => h("p.explained.loud", {}, words)),
+        (given.warnings ?? []).map((words) => h("p.explained.loud", {}, plainly(words))),
         (given.unexplained ?? []).map((words) => h("p.explained", {}, words)),
         refused.length ? h("ul", {}, refused) : null,
         out.length ? h("details", { open: /** @type {any} */ (left.querySelector("details"))?.open ?? true }, h("summary", {}, `Candidates left out (${out.length})`), h("ul", {}, out)) : null,

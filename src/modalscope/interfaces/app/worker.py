@@ -155,6 +155,9 @@ def compared_view(comparison: Comparison) -> dict[str, Any]:
 _NAMED = (channel, against, export, measured, planned, picture)
 TASKS: dict[str, Callable[..., Any]] = {"compare": compared} | {task.__name__: task for task in _NAMED}
 
+#: Those that are answered between two orders, before there are modes.
+_OF_DATA = ("measured", "picture")
+
 
 class _Newer(Exception):
     """A newer command replaces the present job."""
@@ -190,10 +193,13 @@ class _Worker:
             self._waiting.append(self._pipe.recv())
 
     def _check(self, kinds: tuple[str, ...] = ("work", "cancel")) -> None:
-        """Raise if a command of these kinds waits."""
+        """Raise if a command of these kinds waits; answer what the data alone answer."""
         self._collect()
         if any(command[0] in kinds for command in self._waiting):
             raise _Newer
+        for command in [command for command in self._waiting if command[0] == "ask" and command[2] in _OF_DATA]:
+            self._waiting.remove(command)
+            self._answer(*command[1:])
 
     def _work(self, command: tuple[Any, ...]) -> None:
         kind, self._job, *rest = command
