@@ -1,7 +1,7 @@
 // What opens above the page: findings and notes, comparison, geometry, keys.
 import { fill, h, icon, ICONS, number } from "./dom.js";
 import { makePicture } from "./picture.js";
-import { inWords } from "./remedies.js";
+import { faultInWords, inWords, remediesOf } from "./remedies.js";
 import { makeSketch } from "./sketch.js";
 
 /** @param {string} title @param {any} inside @param {string} [kind] */
@@ -18,7 +18,9 @@ export function dialog(title, inside, kind = "") {
 
 /** @param {any} parts  asked, found, change */
 export function errorBox(parts) {
-  return h("div.error", { role: "alert" }, h("b", {}, cap(inWords(faultOf(parts)))), h("span", {}, ` ${inWords(parts.change ?? "")}`));
+  const change = inWords(parts.change ?? "");
+  const end = !change || /[.!?:]$/.test(change) ? "" : remediesOf(parts.change).length ? ":" : ".";
+  return h("div.error", { role: "alert" }, h("b", {}, cap(faultInWords(faultOf(parts)))), h("span", {}, ` ${change}${end}`));
 }
 
 /** The fault of an error, without its remedy. @param {any} parts */
@@ -45,15 +47,16 @@ const MEASURED = {
 /**
  * What was measured beside what is to be said of it.
  * @param {any} found  the result, as far as there is one
- * @param {(channel: string) => void} exclude
+ * @param {(remedy: any) => void} cure  does what a remedy says
  * @returns {(names: string[], ask: (name: string) => Promise<any>, error?: any) => void}  draws the pictures
  */
-export function showData(found, exclude) {
+export function showData(found, cure) {
   const { findings = [], warnings = [], notes = [], computing = [], taken = [] } = found;
+  const does = (/** @type {any} */ remedy) => h("button.small", { onclick: () => (cure(remedy), shown.element.close()) }, remedy.words);
   const listed = findings.map((/** @type {any} */ f) =>
-    h("li", {}, h("b", {}, `${f.kind}: ${f.channels.join(", ")}`), h("p", {}, `${cap(f.reason)}. ${inWords(f.change)}`), (/leave|exclude|drop/i.test(f.change) ? f.channels : []).map((/** @type {string} */ c) => h("button.small", { onclick: () => (exclude(c), shown.element.close()) }, `exclude ${c}`))),
+    h("li", {}, h("b", {}, `${f.kind}: ${f.channels.join(", ")}`), h("p", {}, `${cap(f.reason)}. ${inWords(f.change)}`), (/leave|exclude|drop/i.test(f.change) ? f.channels : []).map((/** @type {string} */ c) => does({ words: `exclude ${c}`, exclude: [c] }))),
   );
-  const items = (/** @type {string[]} */ texts) => texts.map((text) => h("li", {}, inWords(text)));
+  const items = (/** @type {string[]} */ texts) => texts.map((text) => h("li", {}, `${inWords(text)} `, remediesOf(text).map(does)));
   const pictures = h("div.pictures", {}, h("p.muted.waiting", { role: "status" }, "drawing what was measured…"));
   const shown = dialog("Data", [
     pictures,

@@ -18,7 +18,7 @@ import { makeWelcome } from "./welcome.js";
 const KEYS = [
   ["↑ ↓", "previous / next mode (k, j)"],
   ["x", "refuse the mode"],
-  ["n", "name the mode"],
+  ["n", "type and remark of the mode"],
   ["a", "return to the automatic selection"],
   ["space", "shape: play or pause"],
   ["1 2 3 4 5", "shape: 3D, top, front, side, all four"],
@@ -49,6 +49,9 @@ const WORDS = {
 /** What each pane shows, and the stage from which it is there: it says what it waits for until then. */
 const PANES = { diagram: "poles", modes: "modes", shape: "modes", response: "settled", matrix: "modes" };
 
+/** Tools that need a result. */
+const OF_RESULTS = ["export", "report", "script", "compare", "next"];
+
 /** Bytes as people read them. @param {number} bytes */
 const size = (bytes) => (bytes >= 1e6 ? `${number(bytes / 1e6, 3)} MB` : `${Math.max(1, Math.round(bytes / 1e3))} kB`);
 
@@ -72,6 +75,8 @@ function makeWork(begin, state) {
     h("button.tool", { onclick: does, title: `${label} (${key})`, "aria-label": label }, icon(path), h("span.label", {}, label));
   const undo = button("undo", "Ctrl+Z", ICONS.undo, () => act("undo"));
   const redo = button("redo", "Ctrl+Y", ICONS.redo, () => act("redo"));
+  const reporting = button("report", "r", ICONS.report, () => save("html"));
+  const comparing = button("compare", "c", ICONS.compare, compare);
   const planning = button("next", "w", ICONS.next, plan);
   const findings = h("button.chip", { title: "Data, findings and notes (f)", onclick: data });
   const formats = h("div.menu", { hidden: true, role: "menu" });
@@ -81,8 +86,8 @@ function makeWork(begin, state) {
     {},
     h("button.logo", { onclick: leave, title: "Open another file", "aria-label": "modalscope: open another file" }, logo(), h("span", {}, "modalscope")),
     h("h1", {}, state.name), findings, h("span.space"),
-    button("data", "f", ICONS.points, data), undo, redo, button("save", "s", ICONS.save, () => save("analysis.json")), h("div.holder", {}, exporting, formats), button("report", "r", ICONS.report, () => save("html")),
-    button("script", "", ICONS.script, () => found?.script && showScript(found.script)), button("compare", "c", ICONS.compare, compare), planning,
+    button("data", "f", ICONS.points, data), undo, redo, button("save", "s", ICONS.save, () => save("analysis.json")), h("div.holder", {}, exporting, formats), reporting,
+    button("script", "", ICONS.script, () => found?.script && showScript(found.script)), comparing, planning,
     button("theme", "d", ICONS.theme, switchTheme), button("keys", "?", ICONS.help, () => showKeys(KEYS)),
   );
   const told = h("div.told", { "aria-live": "assertive" });
@@ -160,7 +165,7 @@ function makeWork(begin, state) {
 
   /** @param {any} mode @param {number} i */
   function caption(mode, i) {
-    if (mode) shape.caption(h("b", {}, mode.name || `Mode ${i + 1}`), ` ${mode.shown.frequency} Hz, ${mode.shown.damping} %`, found?.over === "inputs" ? ", over the points that were driven" : "");
+    if (mode) shape.caption(h("b", {}, `Mode ${i + 1}`, mode.name ? ` ${mode.name.split("; ")[0]}` : ""), ` ${mode.shown.frequency} Hz, ${mode.shown.damping} %`, found?.over === "inputs" ? ", over the points that were driven" : "");
     else shape.caption(found ? "no mode" : "");
   }
 
@@ -201,13 +206,16 @@ function makeWork(begin, state) {
     drawModes();
   }
 
+  /** Do what a button of a remedy says. @param {any} r */
+  const cure = (r) => (r.read ? act("remedy", { options: r.read }) : act("set", r.set ?? { exclude: [...now.document.exclude, ...r.exclude] }));
+
   /** @param {any} parts */
   function failure(parts) {
     const box_ = errorBox(parts);
     const byHand = now.document.taken.length + now.document.refused.length;
     const field = settings.concerned(parts);
     const remedies = remediesOf(parts.change ?? "");
-    const cure = (/** @type {any} */ r) => (r.read ? act("remedy", { options: r.read }) : act("set", r.set ?? { exclude: [...now.document.exclude, ...r.exclude] }));
+    if (!found && !remedies.length) setTimeout(() => field?.show());
     const offers = remedies.map((r) => h("button.small.primary", { onclick: () => cure(r) }, r.words));
     if (/geometr|points/i.test(parts.found ?? "")) offers.push(h("button.small.primary", { onclick: leave }, "drop the measurement with it"));
     box_.append(h("span.does", {}, offers, field && !remedies.length ? h("button.small.primary", { onclick: field.show }, field.words) : null, byHand ? h("button.small", { onclick: () => act("automatic") }, "automatic selection") : null, now.undo ? h("button.small", { onclick: () => act("undo") }, "undo") : null, h("button.small", { onclick: () => act("again") }, "again"), h("button.small", { onclick: leave }, "another file")));
@@ -246,6 +254,7 @@ function makeWork(begin, state) {
     }
     // behind an error there are no empty cards: what was found before stays
     root.classList.toggle("without", ["failed", "stopped"].includes(name) && !found);
+    for (const tool of header.querySelectorAll("button.tool")) if (OF_RESULTS.includes(tool.textContent)) tool.disabled = !found || (tool === planning && !found.plans);
   }
   setInterval(() => root.dataset.stage === now.stage.stage && !["idle", "done", "failed", "stopped"].includes(now.stage.stage) && say(), 1000);
 
@@ -330,7 +339,7 @@ function makeWork(begin, state) {
     found = blob.early && before ? { ...before, ...blob, settled: false } : blob;
     const listed = drawModes();
     if (!blob.early) sayFindings(found);
-    planning.disabled = !blob.plans;
+    say();
     planning.title = blob.plans ? "next (w)" : "What to measure next: asked of responses to forces, in one band";
     settings.setChannels(found.outputs);
     shape.set(found, Math.max(0, found.modes.indexOf(listed[chosen])));
@@ -405,7 +414,7 @@ function makeWork(begin, state) {
 
   /** What was measured, and what is to be said of it: before there are modes, too. */
   async function data() {
-    const shown_ = showData({ findings: overview?.findings, ...found }, (c) => act("set", { exclude: [...now.document.exclude, c] }));
+    const shown_ = showData({ findings: overview?.findings, ...found }, cure);
     try {
       shown_(await api.measured(now.key), (name) => api.picture(now.key, name));
     } catch (error) {
@@ -494,7 +503,7 @@ function makeWork(begin, state) {
   const keys = {
     ArrowDown: () => step(1), ArrowUp: () => step(-1), j: () => step(1), k: () => step(-1), x: () => refuse(chosen), n: () => shown().length && modes.rename(chosen), a: () => act("automatic"),
     " ": () => shape.toggle(), "[": () => response.next(-1), "]": () => response.next(1), m: () => response.mark(), z: () => diagram.whole(), l: () => diagram.toggleLetters(), i: () => diagram.toggleLinear(),
-    p: () => /** @type {HTMLElement} */ (places.diagram.querySelector(".plot")).focus(), s: () => save("analysis.json"), e: menu, r: () => save("html"), c: compare, w: () => planning.click(), f: data, h: () => diagram.toggleHarmonics(), Escape: () => (formats.hidden ? cancel() : (formats.hidden = true)), d: switchTheme, "?": () => showKeys(KEYS),
+    p: () => /** @type {HTMLElement} */ (places.diagram.querySelector(".plot")).focus(), s: () => save("analysis.json"), e: () => exporting.click(), r: () => reporting.click(), c: () => comparing.click(), w: () => planning.click(), f: data, h: () => diagram.toggleHarmonics(), Escape: () => (formats.hidden ? cancel() : (formats.hidden = true)), d: switchTheme, "?": () => showKeys(KEYS),
     ...Object.fromEntries(shape.views.map((name, i) => [String(i + 1), () => shape.see(name)])),
   };
   /** @param {KeyboardEvent} event */

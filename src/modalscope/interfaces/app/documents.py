@@ -110,13 +110,10 @@ class DocumentStore:
         files = []
         for file in document.files or (SourceFile(),):
             path = str(self._readable(Path(file.path), folder, "data"))
-            files.append(replace(file, path=path, reading=self._of_geometry(file.reading, folder)))
+            points = [str(self._readable(Path(str(name)), folder, "geometry")) for name in named_in(file.reading)]
+            reading = {**file.reading, **({"geometry": tuple(points)} if points else {})}
+            files.append(replace(file, path=path, reading=reading))
         return replace(document, files=tuple(files))
-
-    def _of_geometry(self, reading: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-        """Return options of reading whose geometry is a file that may be read: as stored, or in the folder of the document."""
-        paths = [self._readable(Path(str(name)), folder, "geometry") for name in named_in(reading)]
-        return {**reading, "geometry": tuple(map(str, paths))} if paths else dict(reading)
 
     def _readable(self, stored: Path, folder: Path, what: str) -> Path:
         """Return a file of a document that may be read: as stored, or in the folder of the document."""

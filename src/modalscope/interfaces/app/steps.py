@@ -101,8 +101,7 @@ class Stages:
         self._tell("stage", {"stage": "examining"})
         self.data, self._notes, self._of_data = data, notes, key
         self._spectra = spectra_of(data)
-        findings = [finding._asdict() for finding in grouped(self._examined(data))]
-        self._tell("blob", ("overview", overview_blob(data, self._spectra, findings)))
+        self._tell("blob", ("overview", overview_blob(data, self._spectra, grouped(self._examined(data)))))
 
     def _identify(self, document: Analysis, kept: bytes | None, check: Callable[[], None]) -> None:
         key = diagrams_key(document)

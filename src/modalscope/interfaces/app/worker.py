@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,7 +12,7 @@ from zipfile import ZIP_DEFLATED, ZipFile
 
 from modalscope.analysis.workflow.realize import realize
 from modalscope.data import DataError, ModalModel
-from modalscope.data.analysis import Analysis
+from modalscope.data.analysis import Analysis, named_near
 from modalscope.interfaces.app.files import FORMATS
 from modalscope.interfaces.app.steps import Stages
 from modalscope.interfaces.plot.picture import Picture
@@ -36,7 +37,7 @@ def channel(stages: Stages, progress: Progress, output: int | None = None, colum
 
 def export(stages: Stages, progress: Progress, suffix: str, target: str, mode: int = 0) -> Path:
     """Write the result in one of `FORMATS`, as the command line does, to the file `target`; `mode`: the one of a film."""
-    result, path = stages.finished(), Path(target)
+    result, path = named_in(stages.finished()), Path(target)
     if suffix not in FORMATS:
         raise DataError(f"{suffix} was asked", f"the formats are {', '.join(FORMATS)}", "Choose one of these.")
     if suffix in (".html", ".docx", ".pptx"):
@@ -55,6 +56,13 @@ def export(stages: Stages, progress: Progress, suffix: str, target: str, mode: i
         return path
     write(path, result.analysis if suffix == ".analysis.json" else result)
     return path
+
+
+def named_in(result: Result) -> Result:
+    """Return a result whose modes have the names of its document with their reasons, as files keep them."""
+    names = result.analysis.names
+    reasons = tuple({**mode.reason, "name": named_near(names, mode.frequency)} for mode in result.modes)
+    return replace(result, modes=replace(result.modes, reasons=reasons)) if names else result
 
 
 def _choices(document: Analysis) -> dict[str, Any]:

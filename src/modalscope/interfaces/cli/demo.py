@@ -10,7 +10,6 @@ from modalscope.interfaces.cli.process import progress, remark, say
 
 if TYPE_CHECKING:
     from modalscope.data import ModalModel
-    from modalscope.data.modes import Mode
 
 #: The data set, and the band in which its modes were published.
 _SET, _BAND = "beam_hammer", (100.0, 4500.0)
@@ -59,13 +58,10 @@ def _table(modes: ModalModel, published: ModalModel) -> str:
     width, nearest = head.index("grade") + 1, _beside(modes, published)
     lines = [[*head[:width], "published: f [Hz]", "damping [%]"]]
     for k, row in enumerate(rows):
-        texts = _as_published(published[nearest[k]]) if k in nearest else ("-", "-")
+        mode = published[nearest[k]] if k in nearest else None
+        texts = ("-", "-") if mode is None else (f"{mode.frequency:.1f}", f"{100 * mode.damping_ratio:.2f}")
         lines.append([*row[:width], *texts])
     return text_table(lines, left=[width - 1])
-
-
-def _as_published(mode: Mode) -> tuple[str, str]:
-    return f"{mode.frequency:.1f}", f"{100 * mode.damping_ratio:.2f}"
 
 
 def _inside(modes: ModalModel, published: ModalModel) -> str:

@@ -50,10 +50,8 @@ def header_of_remarks(remarks: Iterable[str]) -> dict[str, Any]:
     """
     pairs = (remark.partition(": ") for remark in remarks)
     header: dict[str, Any] = {key.strip(): text.strip() for key, sign, text in pairs if sign and text.strip()}
-    if "sensors" in header:
-        rows = [map(str.strip, line.split(",")) for line in header["sensors"].splitlines()]
-        header["sensors"] = [dict(zip(_SENSOR, row, strict=False)) for row in rows]
-    return header
+    rows = [map(str.strip, line.split(",")) for line in header.get("sensors", "").splitlines()]
+    return header | ({"sensors": [dict(zip(_SENSOR, row, strict=False)) for row in rows]} if rows else {})
 
 
 def header_sections(header: Mapping[str, Any]) -> Iterator[Section]:

@@ -102,8 +102,8 @@ def overview_blob(data: Any, spectra: Decomposition | None = None, findings: Any
     except DataError:  # no response can be estimated from these records
         lines, curves = np.zeros(0), np.zeros((0, 1))
     span = [lines[0], lines[-1]] if len(lines) else None
-    kinds = [kind._asdict() for kind in KINDS]
-    head = {"summary": summary_of(data), "span": span, "kinds": kinds, "findings": findings}
+    told = {"kinds": [kind._asdict() for kind in KINDS], "findings": [finding._asdict() for finding in findings]}
+    head = {"summary": summary_of(data), "span": span, **told}
     lines, level = thinned(lines, curves[:, :_MAX_CURVES], _MAX_POINTS)
     return pack(head, {"lines": lines, "curves": level}, exact=("lines",))
 
