@@ -113,8 +113,7 @@ def compared(stages: Stages, progress: Progress, methods: list[str] | None = Non
     chosen = {k: v for k, v in _choices(found.analysis).items() if k in ("route", "exclude", "band")}
     choices = {"orders": found.analysis.orders, "analysis": found, **chosen}
     comparison = compare(stages.data, methods or "all", progress=progress, **choices)
-    pictures = compared_pictures(comparison)
-    stages.pictures |= pictures
+    stages.pictures |= (pictures := compared_pictures(comparison))
     return compared_view(comparison) | {"pictures": list(pictures)}
 
 
@@ -132,8 +131,7 @@ def measured(stages: Stages, progress: Progress) -> list[str]:
 
     if stages.data is None:
         raise DataError("the pictures of the data were asked", "the data are not read", "Wait until they are read.")
-    pictures = measured_pictures(stages.data)
-    stages.pictures |= pictures
+    stages.pictures |= (pictures := measured_pictures(stages.data))
     return list(pictures)
 
 
