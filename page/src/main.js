@@ -245,7 +245,7 @@ function makeWork(begin, state) {
     const busy = !["idle", "done", "failed", "stopped"].includes(name);
     const bytes = now.document.files.reduce((/** @type {number} */ sum, /** @type {any} */ f) => sum + (f.size ?? 0), 0);
     const seconds = Math.floor((Date.now() - since) / 1000);
-    const words = name === "sweeping" ? `orders ${done} of ${total}` : name === "reading" && bytes ? (total && done >= total ? `${size(bytes)} read, recognizing channels` : `reading ${size(bytes)}${total ? `, ${number(done / 1e6, 3)} of ${number(total / 1e6, 3)}` : ""}`) : WORDS[name] ?? name;
+    const words = name === "sweeping" ? `orders ${done} of ${total}` : name === "reading" && bytes ? (total && done >= total ? `${size(bytes)} read, recognizing channels` : `reading ${size(bytes)}${total ? `, ${number(Math.round(done / 1e5) / 10, 3)} of ${number(total / 1e6, 3)}` : ""}`) : WORDS[name] ?? name;
     stage.textContent = words && busy && seconds > 2 && name !== "sweeping" ? `${words}, ${seconds} s` : words;
     const there = { poles: Boolean(poles || live), modes: Boolean(found), settled: Boolean(found?.columns) };
     for (const [pane, what] of Object.entries(PANES)) {

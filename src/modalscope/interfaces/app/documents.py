@@ -91,9 +91,11 @@ class DocumentStore:
         if len(paths) == 1 and paths[0].name.lower().endswith(_DOCUMENT):
             document = self._of_paths(read_analysis(paths[0]), paths[0].parent)
         else:
-            paths, geometry = await asyncio.to_thread(geometry_among, paths)
             # beside a file of any other kind a table of points alone is a geometry, too
-            if len(paths) == 1 and (await asyncio.to_thread(geometry_among, [*paths, Path("measurement")]))[1]:
+            alone = [] if len(paths) > 1 else [Path("measurement")]
+            data, geometry = await asyncio.to_thread(geometry_among, [*paths, *alone])
+            paths = paths if alone else data
+            if alone and geometry:
                 fault = "it is a geometry: points, and no measurement"
                 raise DataError(f"opening {paths[0].name} was asked", fault, "Drop the measurement with it, together.")
             reading = {"geometry": tuple(map(str, geometry))} if geometry else {}

@@ -25,7 +25,6 @@ FORMATS = {
     ".csv": "a table of the modes",
     ".xlsx": "a workbook: modes, shapes, MAC, responses",
     ".uff": "universal file, dataset 55",
-    ".unv": "universal file, dataset 55",
     ".npz": "NumPy arrays",
     ".mat": "MATLAB arrays",
     ".h5": "HDF5 arrays",

@@ -60,9 +60,8 @@ def export(stages: Stages, progress: Progress, suffix: str, target: str, mode: i
 
 def named_in(result: Result) -> Result:
     """Return a result whose modes have the names of its document with their reasons, as files keep them."""
-    names = result.analysis.names
-    reasons = tuple({**mode.reason, "name": named_near(names, mode.frequency)} for mode in result.modes)
-    return replace(result, modes=replace(result.modes, reasons=reasons)) if names else result
+    named = [{**m.reason, "name": named_near(result.analysis.names, m.frequency)} for m in result.modes]
+    return replace(result, modes=replace(result.modes, reasons=tuple(named))) if result.analysis.names else result
 
 
 def _choices(document: Analysis) -> dict[str, Any]:
