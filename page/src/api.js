@@ -16,7 +16,7 @@ async function ask(path, options = {}) {
   try {
     answer = await fetch(path, { credentials: "same-origin", ...options });
   } catch {
-    throw new Refused({ asked: "a request was sent", found: "the server does not answer", change: "Start it again: modalscope app. Documents are kept." }, 0);
+    throw new Refused({ asked: "a request was sent", found: "the server does not answer", change: "Start the page again. Documents are kept." }, 0);
   }
   if (answer.ok) return answer;
   const text = await answer.text();

@@ -1,7 +1,7 @@
 // What opens above the page: findings and notes, comparison, geometry, keys.
 import { fill, h, icon, ICONS, number } from "./dom.js";
 import { makePicture } from "./picture.js";
-import { inWords } from "./remedies.js";
+import { faultInWords, inWords, remediesOf } from "./remedies.js";
 import { makeSketch } from "./sketch.js";
 
 /** @param {string} title @param {any} inside @param {string} [kind] */
@@ -18,7 +18,9 @@ export function dialog(title, inside, kind = "") {
 
 /** @param {any} parts  asked, found, change */
 export function errorBox(parts) {
-  return h("div.error", { role: "alert" }, h("b", {}, cap(inWords(faultOf(parts)))), h("span", {}, ` ${inWords(parts.change ?? "")}`));
+  const change = inWords(parts.change ?? "");
+  const end = !change || /[.!?:]$/.test(change) ? "" : remediesOf(parts.change).length ? ":" : ".";
+  return h("div.error", { role: "alert" }, h("b", {}, cap(faultInWords(faultOf(parts)))), h("span", {}, ` ${change}${end}`));
 }
 
 /** The fault of an error, without its remedy. @param {any} parts */
@@ -27,6 +29,9 @@ function faultOf({ asked = "", found, text }) {
   const subject = asked.replace(/,? (was|were) asked$/, "");
   return subject === asked ? `${asked}, but ${found}.` : `${subject}: ${found}.`;
 }
+
+/** A warning where its colour says what it is. @param {string} text */
+export const plainly = (text) => cap(text.replace(/^WARNING: /, ""));
 
 /** @param {string} text */
 const cap = (text) => text.charAt(0).toUpperCase() + text.slice(1);
@@ -42,23 +47,23 @@ const MEASURED = {
 /**
  * What was measured beside what is to be said of it.
  * @param {any} found  the result, as far as there is one
- * @param {(channel: string) => void} exclude
+ * @param {(remedy: any) => void} cure  does what a remedy says
  * @returns {(names: string[], ask: (name: string) => Promise<any>, error?: any) => void}  draws the pictures
  */
-export function showData(found, exclude) {
+export function showData(found, cure) {
   const { findings = [], warnings = [], notes = [], computing = [], taken = [] } = found;
+  const does = (/** @type {any} */ remedy) => h("button.small", { onclick: () => (cure(remedy), shown.element.close()) }, remedy.words);
   const listed = findings.map((/** @type {any} */ f) =>
-    h("li", {}, h("b", {}, `${f.kind}: ${f.channels.join(", ")}`), h("p", {}, `${cap(f.reason)}. ${inWords(f.change)}`), (/leave|exclude|drop/i.test(f.change) ? f.channels : []).map((/** @type {string} */ c) => h("button.small", { onclick: () => (exclude(c), shown.element.close()) }, `exclude ${c}`))),
+    h("li", {}, h("b", {}, `${f.kind}: ${f.channels.join(", ")}`), h("p", {}, `${cap(f.reason)}. ${inWords(f.change)}`), (/leave|exclude|drop/i.test(f.change) ? f.channels : []).map((/** @type {string} */ c) => does({ words: `exclude ${c}`, exclude: [c] }))),
   );
-  const items = (/** @type {string[]} */ texts) => texts.map((text) => h("li", {}, inWords(text)));
+  const items = (/** @type {string[]} */ texts) => texts.map((text) => h("li", {}, `${inWords(text)} `, remediesOf(text).map(does)));
   const pictures = h("div.pictures", {}, h("p.muted.waiting", { role: "status" }, "drawing what was measured…"));
   const shown = dialog("Data", [
     pictures,
     h("h3", {}, "Findings"),
-    [...warnings, ...taken].map((text) => h("p", {}, text)),
     listed.length ? h("ul.findings", {}, listed) : h("p", {}, found.findings ? "No data problem found." : "The data are examined with the analysis."),
-    notes.length ? h("h3", {}, "Notes") : null,
-    h("ul.notes", {}, items(notes)),
+    notes.length + warnings.length ? h("h3", {}, "Notes") : null,
+    h("ul.notes", {}, items([...warnings.map(plainly), ...taken, ...notes])),
     computing.length ? h("details", {}, h("summary", {}, "How it was computed"), h("ul.notes", {}, items(computing))) : null,
   ], "wide");
   return (names, ask, error) => {
@@ -115,7 +120,11 @@ export function showNext(ask) {
   async function answer() {
     fill(lines, h("p.muted", {}, "weighing places…"));
     try {
-      fill(lines, (await ask(wish.value)).map((line) => h("p", {}, line)));
+      const told = await ask(wish.value);
+      const steps = told.map((line) => /^(\d+)\. (.*): (.*)\.$/.exec(line)).filter(Boolean);
+      const others = (/** @type {boolean} */ before) => told.filter((line) => !/^\d+\. /.test(line) && /^(Asked|All|Now)/.test(line) === before).map((line) => h("p", {}, line));
+      const rows = steps.map(([, rank, place, reached]) => h("tr", {}, h("td.num", {}, rank), h("td", {}, place), h("td", {}, reached)));
+      fill(lines, others(true), rows.length ? h("div.scroll", {}, h("table", {}, heads(["#"], "measure", "then at worst"), h("tbody", {}, rows))) : null, others(false));
     } catch (error) {
       fill(lines, errorBox(error.parts ?? { text: String(error.message ?? error) }));
     }
@@ -158,15 +167,21 @@ export function editGeometry(found, give, matching) {
   }
 }
 
-/** What a report says first, a line each. @param {string[]} remarks @param {(remarks: string[]) => void} set */
+/** Entries of the head of a report, and what is asked for them. */
+const HEAD = { project: "", structure: "", operator: "", date: "", sensors: "a line each: channel, sensor, serial, sensitivity, calibrated", conclusion: "" };
+
+/** The head of a report: fields, and what else is told, a line each. @param {string[]} remarks @param {(remarks: string[]) => void} set */
 export function editHead(remarks, set) {
-  const usual = ["project", "structure", "operator", "date", "conclusion"].filter((name) => !remarks.some((line) => line.startsWith(`${name}:`)));
-  const text = h("textarea", { rows: 9, "aria-label": "Head of the report", value: [...remarks, ...usual.map((name) => `${name}: `)].join("\n") });
+  const known = (/** @type {string} */ name) => remarks.find((line) => line.startsWith(`${name}: `))?.slice(name.length + 2) ?? "";
+  const long = (/** @type {string} */ name, /** @type {string} */ value, /** @type {string} */ placeholder) => h("textarea", { rows: 3, name, value, placeholder, "aria-label": name });
+  const fields = Object.entries(HEAD).map(([name, asked]) => (["sensors", "conclusion"].includes(name) ? long(name, known(name), asked) : h("input.name", { name, type: name === "date" ? "date" : "text", value: known(name), "aria-label": name })));
+  const others = long("others", remarks.filter((line) => !Object.keys(HEAD).some((name) => line.startsWith(`${name}: `))).join("\n"), "a line each, such as customer: Bridge Office");
   const use = () => {
-    set(text.value.split("\n").map((/** @type {string} */ line) => line.trim()).filter((/** @type {string} */ line) => /^[^:]+: .|^[^:]+$/.test(line)));
+    const told = fields.filter((field) => field.value.trim()).map((field) => `${field.name}: ${field.value.trim()}`);
+    set([...told, ...others.value.split("\n").map((/** @type {string} */ line) => line.trim()).filter(Boolean)]);
     shown.element.close();
   };
-  const shown = dialog("Head of the report", [h("p", {}, "A line each, such as project: Bridge 7. Other lines are told as they are named; they are kept with the document."), text, h("footer", {}, h("button.primary", { onclick: use }, "Apply"))]);
+  const shown = dialog("Report header", [h("div.head-fields", {}, [...fields, others].map((field) => h("label", {}, field.name, field))), h("footer", {}, h("button.primary", { onclick: use }, "Apply"))]);
 }
 
 /** @param {string} script */

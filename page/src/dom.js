@@ -58,7 +58,6 @@ export const ICONS = {
   close: "M6 6l12 12M18 6 6 18",
   plus: "M12 5v14M5 12h14",
   pencil: "M4 20h4L19 9l-4-4L4 16z",
-  folder: "M3 6h6l2 2h10v11H3z",
   script: "m8 8-4 4 4 4M16 8l4 4-4 4M13 5l-2 14",
   points: "M5 19 9 8l6 5 4-9M5 19h.01M9 8h.01M15 13h.01M19 4h.01",
   next: "M12 21s-6-6-6-11a6 6 0 1 1 12 0c0 5-6 11-6 11zM12 8v4M10 10h4",

@@ -18,7 +18,7 @@ import { makeWelcome } from "./welcome.js";
 const KEYS = [
   ["↑ ↓", "previous / next mode (k, j)"],
   ["x", "refuse the mode"],
-  ["n", "name the mode"],
+  ["n", "type and remark of the mode"],
   ["a", "return to the automatic selection"],
   ["space", "shape: play or pause"],
   ["1 2 3 4 5", "shape: 3D, top, front, side, all four"],
@@ -47,7 +47,10 @@ const WORDS = {
 };
 
 /** What each pane shows, and the stage from which it is there: it says what it waits for until then. */
-const PANES = { diagram: "poles", modes: "modes", shape: "modes", response: "modes", matrix: "modes" };
+const PANES = { diagram: "poles", modes: "modes", shape: "modes", response: "settled", matrix: "modes" };
+
+/** Tools that need a result. */
+const OF_RESULTS = ["export", "report", "script", "compare", "next"];
 
 /** Bytes as people read them. @param {number} bytes */
 const size = (bytes) => (bytes >= 1e6 ? `${number(bytes / 1e6, 3)} MB` : `${Math.max(1, Math.round(bytes / 1e3))} kB`);
@@ -72,6 +75,9 @@ function makeWork(begin, state) {
     h("button.tool", { onclick: does, title: `${label} (${key})`, "aria-label": label }, icon(path), h("span.label", {}, label));
   const undo = button("undo", "Ctrl+Z", ICONS.undo, () => act("undo"));
   const redo = button("redo", "Ctrl+Y", ICONS.redo, () => act("redo"));
+  const reporting = button("report", "r", ICONS.report, () => save("html"));
+  const comparing = button("compare", "c", ICONS.compare, compare);
+  const planning = button("next", "w", ICONS.next, plan);
   const findings = h("button.chip", { title: "Data, findings and notes (f)", onclick: data });
   const formats = h("div.menu", { hidden: true, role: "menu" });
   const exporting = button("export", "e", ICONS.export, () => menu());
@@ -80,9 +86,9 @@ function makeWork(begin, state) {
     {},
     h("button.logo", { onclick: leave, title: "Open another file", "aria-label": "modalscope: open another file" }, logo(), h("span", {}, "modalscope")),
     h("h1", {}, state.name), findings, h("span.space"),
-    button("data", "f", ICONS.points, data), undo, redo, button("save", "s", ICONS.save, () => save("analysis.json")), h("div.holder", {}, exporting, formats), button("report", "r", ICONS.report, () => save("html")),
-    button("script", "", ICONS.script, () => found?.script && showScript(found.script)), button("compare", "c", ICONS.compare, compare), button("next", "w", ICONS.next, plan),
-    button("light or dark", "d", ICONS.theme, switchTheme), button("keys", "?", ICONS.help, () => showKeys(KEYS)),
+    button("data", "f", ICONS.points, data), undo, redo, button("save", "s", ICONS.save, () => save("analysis.json")), h("div.holder", {}, exporting, formats), reporting,
+    button("script", "", ICONS.script, () => found?.script && showScript(found.script)), comparing, planning,
+    button("theme", "d", ICONS.theme, switchTheme), button("keys", "?", ICONS.help, () => showKeys(KEYS)),
   );
   const told = h("div.told", { "aria-live": "assertive" });
   const places = Object.fromEntries(["settings", "diagram", "strip", "modes", "shape", "response", "matrix"].map((name) => [name, h(`section.panel.${name}`, { "aria-label": name })]));
@@ -159,7 +165,7 @@ function makeWork(begin, state) {
 
   /** @param {any} mode @param {number} i */
   function caption(mode, i) {
-    if (mode) shape.caption(h("b", {}, mode.name || `Mode ${i + 1}`), ` ${mode.shown.frequency} Hz, ${mode.shown.damping} %`, found?.over === "inputs" ? ", over the points that were driven" : "");
+    if (mode) shape.caption(h("b", {}, `Mode ${i + 1}`, mode.name ? ` ${mode.name.split("; ")[0]}` : ""), ` ${mode.shown.frequency} Hz, ${mode.shown.damping} %`, found?.over === "inputs" ? ", over the points that were driven" : "");
     else shape.caption(found ? "no mode" : "");
   }
 
@@ -200,13 +206,16 @@ function makeWork(begin, state) {
     drawModes();
   }
 
+  /** Do what a button of a remedy says. @param {any} r */
+  const cure = (r) => (r.read ? act("remedy", { options: r.read }) : act("set", r.set ?? { exclude: [...now.document.exclude, ...r.exclude] }));
+
   /** @param {any} parts */
   function failure(parts) {
     const box_ = errorBox(parts);
     const byHand = now.document.taken.length + now.document.refused.length;
     const field = settings.concerned(parts);
     const remedies = remediesOf(parts.change ?? "");
-    const cure = (/** @type {any} */ r) => (r.read ? act("remedy", { options: r.read }) : act("set", r.set ?? { exclude: [...now.document.exclude, ...r.exclude] }));
+    if (!found && !remedies.length) setTimeout(() => field?.show());
     const offers = remedies.map((r) => h("button.small.primary", { onclick: () => cure(r) }, r.words));
     if (/geometr|points/i.test(parts.found ?? "")) offers.push(h("button.small.primary", { onclick: leave }, "drop the measurement with it"));
     box_.append(h("span.does", {}, offers, field && !remedies.length ? h("button.small.primary", { onclick: field.show }, field.words) : null, byHand ? h("button.small", { onclick: () => act("automatic") }, "automatic selection") : null, now.undo ? h("button.small", { onclick: () => act("undo") }, "undo") : null, h("button.small", { onclick: () => act("again") }, "again"), h("button.small", { onclick: leave }, "another file")));
@@ -220,8 +229,9 @@ function makeWork(begin, state) {
     if (given.stage !== saidOf) [saidOf, since] = [given.stage, Date.now()];
     say();
     status.classList.toggle("busy", busy);
-    status.classList.toggle("unknown", busy && !given.total);
-    bar.style.width = given.total ? `${(100 * given.done) / given.total}%` : "";
+    const unknown = !given.total || given.done >= given.total;
+    status.classList.toggle("unknown", busy && unknown);
+    bar.style.width = unknown ? "" : `${(100 * given.done) / given.total}%`;
     stop.hidden = !busy;
     root.dataset.stage = given.stage;
   }
@@ -235,15 +245,16 @@ function makeWork(begin, state) {
     const busy = !["idle", "done", "failed", "stopped"].includes(name);
     const bytes = now.document.files.reduce((/** @type {number} */ sum, /** @type {any} */ f) => sum + (f.size ?? 0), 0);
     const seconds = Math.floor((Date.now() - since) / 1000);
-    const words = name === "sweeping" ? `orders ${done} of ${total}` : name === "reading" && bytes ? `reading ${size(bytes)}${total ? `, ${number(done / 1e6, 3)} of ${number(total / 1e6, 3)}` : ""}` : WORDS[name] ?? name;
+    const words = name === "sweeping" ? `orders ${done} of ${total}` : name === "reading" && bytes ? (total && done >= total ? `${size(bytes)} read, recognizing channels` : `reading ${size(bytes)}${total ? `, ${number(Math.round(done / 1e5) / 10, 3)} of ${number(total / 1e6, 3)}` : ""}`) : WORDS[name] ?? name;
     stage.textContent = words && busy && seconds > 2 && name !== "sweeping" ? `${words}, ${seconds} s` : words;
-    const there = { poles: Boolean(poles || live), modes: Boolean(found) };
+    const there = { poles: Boolean(poles || live), modes: Boolean(found), settled: Boolean(found?.columns) };
     for (const [pane, what] of Object.entries(PANES)) {
       places[pane].classList.toggle("waits", busy && !there[what]);
-      places[pane].dataset.waits = what === "modes" && ["sweeping", "factoring"].includes(name) ? `${stage.textContent}; then the modes` : stage.textContent;
+      places[pane].dataset.waits = what !== "poles" && ["sweeping", "factoring"].includes(name) ? `${stage.textContent}; then the modes` : stage.textContent;
     }
     // behind an error there are no empty cards: what was found before stays
     root.classList.toggle("without", ["failed", "stopped"].includes(name) && !found);
+    for (const tool of header.querySelectorAll("button.tool")) if (OF_RESULTS.includes(tool.textContent)) tool.disabled = !found || (tool === planning && !found.plans);
   }
   setInterval(() => root.dataset.stage === now.stage.stage && !["idle", "done", "failed", "stopped"].includes(now.stage.stage) && say(), 1000);
 
@@ -270,6 +281,7 @@ function makeWork(begin, state) {
     diagram.setKinds(blob.kinds);
     fill(legend, [...blob.kinds].reverse().map((/** @type {any} */ kind) => h("span", {}, keyOf(kind), kind.words)));
     settings.setData(blob.summary);
+    if (!found) sayFindings(blob);
     strip.setData(blob);
     strip.setBand(now.document.bands[0] ?? null);
     if (!poles && blob.span) behind();
@@ -326,17 +338,21 @@ function makeWork(begin, state) {
     const before = found;
     found = blob.early && before ? { ...before, ...blob, settled: false } : blob;
     const listed = drawModes();
-    const bad = (found.findings ?? []).length + (found.warnings ?? []).length;
-    if (!blob.early) {
-      findings.classList.toggle("bad", bad > 0);
-      fill(findings, bad ? `${bad} finding${bad > 1 ? "s" : ""}` : "no problem found");
-    }
+    if (!blob.early) sayFindings(found);
+    say();
+    planning.title = blob.plans ? "next (w)" : "What to measure next: asked of responses to forces, in one band";
     settings.setChannels(found.outputs);
     shape.set(found, Math.max(0, found.modes.indexOf(listed[chosen])));
     caption(listed[chosen], chosen);
     autoMac();
     matrix.choose(chosen);
     if (!blob.early && found.columns) response.setChannels(found.outputs, found.columns, found.fits, found.fit);
+  }
+
+  function sayFindings(/** @type {any} */ of) {
+    const bad = (of.findings ?? []).length + (of.warnings ?? []).length;
+    findings.classList.toggle("bad", bad > 0);
+    fill(findings, bad ? `${bad} finding${bad > 1 ? "s" : ""}` : "no problem found");
   }
 
   function autoMac() {
@@ -392,13 +408,13 @@ function makeWork(begin, state) {
   function menu() {
     formats.hidden = !formats.hidden;
     if (formats.hidden) return;
-    fill(formats, Object.entries(begin.formats).map(([suffix, words]) => h("button", { role: "menuitem", disabled: suffix in begin.missing, onclick: () => save(suffix.slice(1)) }, h("b", {}, suffix), h("span.muted", {}, begin.missing[suffix] ?? String(words)))), h("button", { role: "menuitem", onclick: () => (menu(), editHead(now.document.remarks, (remarks) => act("set", { remarks }))) }, h("b", {}, "head…"), h("span.muted", {}, "project, structure, operator, conclusion of the report")));
+    fill(formats, Object.entries(begin.formats).map(([suffix, words]) => h("button", { role: "menuitem", disabled: suffix in begin.missing, onclick: () => save(suffix.slice(1)) }, h("b", {}, suffix), h("span.muted", {}, begin.missing[suffix] ?? String(words)))), h("button", { role: "menuitem", onclick: () => (menu(), editHead(now.document.remarks, (remarks) => act("set", { remarks }))) }, h("b", {}, "report header…"), h("span.muted", {}, "project, structure, operator, date, sensors, conclusion")));
     formats.querySelector("button")?.focus();
   }
 
   /** What was measured, and what is to be said of it: before there are modes, too. */
   async function data() {
-    const shown_ = showData(found ?? {}, (c) => act("set", { exclude: [...now.document.exclude, c] }));
+    const shown_ = showData({ findings: overview?.findings, ...found }, cure);
     try {
       shown_(await api.measured(now.key), (name) => api.picture(now.key, name));
     } catch (error) {
@@ -487,7 +503,7 @@ function makeWork(begin, state) {
   const keys = {
     ArrowDown: () => step(1), ArrowUp: () => step(-1), j: () => step(1), k: () => step(-1), x: () => refuse(chosen), n: () => shown().length && modes.rename(chosen), a: () => act("automatic"),
     " ": () => shape.toggle(), "[": () => response.next(-1), "]": () => response.next(1), m: () => response.mark(), z: () => diagram.whole(), l: () => diagram.toggleLetters(), i: () => diagram.toggleLinear(),
-    p: () => /** @type {HTMLElement} */ (places.diagram.querySelector(".plot")).focus(), s: () => save("analysis.json"), e: menu, r: () => save("html"), c: compare, w: plan, f: data, h: () => diagram.toggleHarmonics(), Escape: () => (formats.hidden ? cancel() : (formats.hidden = true)), d: switchTheme, "?": () => showKeys(KEYS),
+    p: () => /** @type {HTMLElement} */ (places.diagram.querySelector(".plot")).focus(), s: () => save("analysis.json"), e: () => exporting.click(), r: () => reporting.click(), c: () => comparing.click(), w: () => planning.click(), f: data, h: () => diagram.toggleHarmonics(), Escape: () => (formats.hidden ? cancel() : (formats.hidden = true)), d: switchTheme, "?": () => showKeys(KEYS),
     ...Object.fromEntries(shape.views.map((name, i) => [String(i + 1), () => shape.see(name)])),
   };
   /** @param {KeyboardEvent} event */

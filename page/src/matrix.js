@@ -2,8 +2,8 @@
 import { h } from "./dom.js";
 import { makePicture } from "./picture.js";
 
-/** Shade from which numbers are white; pixels of a cell that holds its number, and of a name at the axes. */
-const [DARK, NUMBERED, NAMED] = [0.55, 21, 11];
+/** Shade from which numbers are white; pixels of a cell that holds its number, and of a digit of a name at the axes. */
+const [DARK, NUMBERED, DIGIT] = [0.55, 21, 8];
 
 /** @param {HTMLElement} place @param {(mode: number) => void} select */
 export function makeMatrix(place, select) {
@@ -30,7 +30,7 @@ export function makeMatrix(place, select) {
     const cell = Math.min((holder.clientWidth - 30) / across, (holder.clientHeight - 30) / count);
     const cells = Array.from({ length: count * across }, (_, k) => [k % across, Math.floor(k / across), values[k]]);
     const axis = (/** @type {number} */ n, /** @type {boolean} */ down) => {
-      const every = Math.ceil(NAMED / cell);
+      const every = Math.ceil((DIGIT * String(n).length) / cell);
       const ticks = Array.from({ length: n }, (_, k) => [k, String(k + 1), k === chosen && across === count ? "vermillion" : "muted"]).filter((_, k) => k % every === 0);
       return { label: "", low: down ? n - 0.5 : -0.5, high: down ? -0.5 : n - 0.5, ticks };
     };

@@ -1,8 +1,15 @@
 // The table of modes, with intervals, reasons and what was left out.
+import { plainly } from "./dialogs.js";
 import { fill, h, icon, ICONS, number } from "./dom.js";
 
 /** Types of modes that a name is chosen from, or begins with. */
 const TYPES = ["first bending", "second bending", "third bending", "first torsion", "second torsion", "axial", "local", "rigid body"];
+
+/** A name is a type and a remark: "first bending; wing tips". @param {string} name */
+function parted(name) {
+  const [type, ...remark] = name.split("; ");
+  return [type, remark.join("; ")];
+}
 
 /** From the surest on. */
 const GRADES = ["good", "look", "doubtful", "preliminary"];
@@ -52,11 +59,13 @@ export function makeModes(place, acts) {
   /** @param {any} mode @param {number} i */
   function row(mode, i) {
     const { frequency, frequency_half, damping, damping_half, grade, mpc, reason } = mode.shown;
-    const aside = grade !== "good"; // what is good needs no reason beside it
+    const [type, remark] = parted(mode.name ?? "");
+    const told = [type && h("em", {}, type), remark, grade !== "good" && reason].filter(Boolean); // what is good needs no reason beside it
+    const aside = told.length > 0;
     const half = (/** @type {string} */ text) => h("small", {}, text && text !== "-" ? `± ${text}` : "");
     const cells = [
-      h("td", {}, h("button.link", { "aria-label": `mode ${i + 1}`, onclick: () => acts.select(i) }, i + 1), aside ? h("span.reason", {}, reason) : null),
-      h("td.num", {}, h("b", {}, frequency), half(frequency_half), mode.name ? h("em", {}, mode.name) : null),
+      h("td", {}, h("button.link", { "aria-label": `mode ${i + 1}`, onclick: () => acts.select(i) }, i + 1), aside ? h("span.reason", { title: `${mode.name ?? ""} ${reason}` }, told.flatMap((part, k) => (k ? [" · ", part] : [part]))) : null),
+      h("td.num", {}, h("b", {}, frequency), half(frequency_half)),
       h("td.num", {}, damping, half(damping_half)),
       h("td", { title: reason }, h(`span.grade.${grade}`, {}, grade)),
       h("td.num", {}, mpc),
@@ -75,22 +84,25 @@ export function makeModes(place, acts) {
 
   function rename(/** @type {number} */ i) {
     const cell = rowOf(i).children[1];
-    const field = h("input.name", { value: modes[i].name ?? "", "aria-label": `name of mode ${i + 1}`, placeholder: "name, type or remark", list: "mode-types" });
+    const [type, remark] = parted(modes[i].name ?? "");
+    const field = h("input.name", { value: type, "aria-label": `type of mode ${i + 1}`, placeholder: "type or name", list: "mode-types" });
+    const note = h("input.name", { value: remark, "aria-label": `remark on mode ${i + 1}`, placeholder: "remark" });
+    const both = h("div.naming", {}, field, note);
     let done = false;
     const end = (/** @type {boolean} */ keep) => {
       if (done) return;
       done = true;
-      if (keep) acts.rename?.(i, field.value.trim());
-      else field.remove();
+      both.remove();
+      if (keep) acts.rename?.(i, [field.value.trim(), note.value.trim()].join("; ").replace(/; $/, ""));
     };
-    field.addEventListener("keydown", (/** @type {KeyboardEvent} */ e) => {
+    both.addEventListener("keydown", (/** @type {KeyboardEvent} */ e) => {
       e.stopPropagation();
       if (e.key === "Enter") end(true);
       if (e.key === "Escape") end(false);
     });
-    field.addEventListener("blur", () => end(true));
-    field.addEventListener("click", (/** @type {Event} */ e) => e.stopPropagation());
-    cell.append(field);
+    both.addEventListener("focusout", (/** @type {FocusEvent} */ e) => both.contains(/** @type {Node} */ (e.relatedTarget)) || end(true));
+    both.addEventListener("click", (/** @type {Event} */ e) => e.stopPropagation());
+    cell.append(both);
     field.focus();
   }
 
@@ -117,7 +129,7 @@ export function makeModes(place, acts) {
       );
       fill(
         left,
-        (given.warnings ?? []).map((words) => h("p.explained.loud", {}, words)),
+        (given.warnings ?? []).map((words) => h("p.explained.loud", {}, plainly(words))),
         (given.unexplained ?? []).map((words) => h("p.explained", {}, words)),
         refused.length ? h("ul", {}, refused) : null,
         out.length ? h("details", { open: /** @type {any} */ (left.querySelector("details"))?.open ?? true }, h("summary", {}, `Candidates left out (${out.length})`), h("ul", {}, out)) : null,

@@ -14,13 +14,9 @@ export function makeShape(place, acts = {}) {
   const speed = h("input", { type: "range", min: 0.1, max: 2.5, step: 0.05, value: 0.8, "aria-label": "Speed", title: "Speed" });
   const outline = h("input", { type: "checkbox", checked: true, "aria-label": "Undeformed outline", onchange: () => draw() });
   const add = acts.geometry ? h("button.small", { onclick: acts.geometry, title: "Points and lines of the structure" }, "geometry…") : null;
-  const offer = acts.line ? h("div.offer", { hidden: true }, "No geometry: ", h("button.small", { onclick: acts.line, title: "Place the points side by side on a line, in the order of their numbers" }, "points on a line"), " or drop a table of points on the page") : null;
-  place.append(
-    h("div.bar", {}, h("h2", {}, "Shape"), playing, views, real, h("label.slide", { title: "Amplitude" }, "size", amplitude), h("label.slide", { title: "Speed" }, "speed", speed), h("label.check", { title: "Undeformed outline" }, outline, "outline"), h("span.space"), add),
-    ...(offer ? [offer] : []),
-    holder,
-    caption,
-  );
+  const offer = acts.line ? h("div.bar.offer", { hidden: true }, "No geometry: drop a table of points,", h("button.small", { onclick: acts.line, title: "Place the points side by side on a line, in the order of their numbers" }, "points on a line")) : null;
+  const bar = h("div.bar", {}, h("h2", {}, "Shape"), playing, views, real, h("label.slide", { title: "Amplitude" }, "size", amplitude), h("label.slide", { title: "Speed" }, "speed", speed), h("label.check", { title: "Undeformed outline" }, outline, "outline"));
+  place.append(bar, offer ?? "", holder, caption);
   let data = /** @type {any} */ (null);
   let chosen = -1;
   let run = !globalThis.matchMedia?.("(prefers-reduced-motion: reduce)").matches;
@@ -109,7 +105,8 @@ export function makeShape(place, acts = {}) {
       data = given;
       const solid = Boolean(data.nodes) && data.points.length > 1;
       if (offer) offer.hidden = Boolean(data.nodes) || data.points.length < 2;
-      views.disabled = !solid;
+      if (add) (offer && !offer.hidden ? offer : bar).append(add);
+      views.hidden = !solid;
       if (!same) {
         stage?.end();
         stage = null;

@@ -88,7 +88,7 @@ export function makeStage(holder, first, again) {
       const [across, upward] = eye.map((row) => row[0] * data.rest[3 * i] + row[1] * data.rest[3 * i + 1] + row[2] * data.rest[3 * i + 2]);
       half = Math.max(half, Math.abs(upward), Math.abs(across) / aspect);
     }
-    return half * 1.06 + 0.05;
+    return half * 1.06 + 0.08;
   }
 
   /** Where everything is on a part of the screen. @param {Turn} eye @param {number[]} part  left, top, width, height @param {number} c @param {number} s @param {number} amplitude */

@@ -41,7 +41,7 @@ export function makeViewer(root, data, acts = {}) {
     matrix.choose(i);
     diagram.setModes({ modes: data.modes, leftOut: data.left_out, chosen: i });
     const mode = data.modes[i];
-    if (mode) shape.caption(h("b", {}, mode.name || `Mode ${i + 1}`), ` ${mode.shown.frequency} Hz, ${mode.shown.damping} %`, data.over === "inputs" ? ", over the points that were driven" : "");
+    if (mode) shape.caption(h("b", {}, `Mode ${i + 1}`, mode.name ? ` ${mode.name.split("; ")[0]}` : ""), ` ${mode.shown.frequency} Hz, ${mode.shown.damping} %`, data.over === "inputs" ? ", over the points that were driven" : "");
     acts.select?.(i);
   }
   if (data.modes.length) select(0);

@@ -29,7 +29,7 @@ export function makeWelcome(root, begin, with_) {
       progress.hidden = false;
       const names = [];
       for (const file of files) {
-        if (file.size > begin.upload) throw new api.Refused({ asked: `uploading ${file.name} was asked`, found: `it has more than ${begin.upload / 1e6} MB`, change: "Move it to a folder and start modalscope app --folder there." }, 400);
+        if (file.size > begin.upload) throw new api.Refused({ asked: `uploading ${file.name} was asked`, found: `it has more than ${begin.upload / 1e6} MB`, change: "Start the page in its folder and choose it there." }, 400);
         names.push(await api.upload(file, (share) => (bar.style.width = `${100 * share}%`)));
       }
       await open(names);
@@ -55,9 +55,9 @@ export function makeWelcome(root, begin, with_) {
 
   const size = (/** @type {number} */ bytes) => (bytes > 1e6 ? `${(bytes / 1e6).toFixed(1)} MB` : `${Math.max(1, Math.round(bytes / 1e3))} kB`);
   const date = (/** @type {number} */ seconds) => (seconds ? new Date(1000 * seconds).toISOString().slice(0, 10) : "");
-  const file = (/** @type {any} */ f) => h("li", {}, h("button.row", { onclick: () => open([f.name]) }, icon(ICONS.folder), h("b", { title: f.name }, f.name.split("/").at(-1)), h("span.muted", {}, size(f.size)), h("span.muted.date", {}, date(f.changed))));
+  const file = (/** @type {any} */ f) => h("li", {}, h("button.row", { onclick: () => open([f.name]) }, icon(ICONS.report), h("b", { title: f.name }, f.name.split("/").at(-1)), h("span.muted", {}, size(f.size)), h("span.muted.date", {}, date(f.changed))));
   const kept = (/** @type {any} */ d) => {
-    const row = h("li", {}, h("a.row", { href: `#${d.key}` }, icon(ICONS.undo), h("b", {}, d.name), h("span.muted", {}, `${d.steps} step${d.steps > 1 ? "s" : ""}`), h("span.muted.date", {}, date(d.changed))), h("button.small.quiet", { "aria-label": `delete ${d.name}`, title: "Delete it", onclick: () => api.forget(d.key).then(() => row.remove(), complain) }, icon(ICONS.close)));
+    const row = h("li", {}, h("a.row", { href: `#${d.key}` }, icon(ICONS.points), h("b", {}, d.name), h("span.muted", {}, `${d.steps} step${d.steps > 1 ? "s" : ""}`), h("span.muted.date", {}, date(d.changed))), h("button.small.quiet", { "aria-label": `delete ${d.name}`, title: "Delete it", onclick: () => api.forget(d.key).then(() => row.remove(), complain) }, icon(ICONS.close)));
     return row;
   };
   /** Files of the folder itself, and its folders, folded. @param {any[]} files */
@@ -80,7 +80,7 @@ export function makeWelcome(root, begin, with_) {
       h("h1", {}, "From a measurement to modes you can defend"),
       drop, progress, chooser,
       h("p.example", {}, "Nothing at hand? ", h("button.small", { onclick: () => open(["example:beam_hammer"]) }, "open the example beam"), h("span.muted", {}, " a beam hit by a hammer at six points, measured by seven accelerometers")),
-      h("div.columns", {}, h("section", {}, h("h2", {}, begin.folder ? `In ${begin.folder}` : "Files"), begin.files.length ? listing(begin.files) : h("p.muted", {}, begin.folder ? "no data files" : "Start with --folder to choose from a folder.")), h("section", {}, h("h2", {}, "Recent documents"), begin.documents.length ? h("ul", {}, begin.documents.map(kept)) : h("p.muted", {}, "none"))),
+      h("div.columns", {}, h("section", {}, h("h2", {}, begin.folder ? `In ${begin.folder}` : "Files"), begin.files.length ? listing(begin.files) : h("p.muted", {}, begin.folder ? "no data files" : "Started in a folder, the page lists its files here.")), h("section", {}, h("h2", {}, "Recent documents"), begin.documents.length ? h("ul", {}, begin.documents.map(kept)) : h("p.muted", {}, "none"))),
       h("p.muted.version", {}, `modalscope ${begin.version}. Nothing leaves this machine.`),
     ),
   );

@@ -57,7 +57,7 @@ _SIDE = re.compile(r"^(?P<side>out|in)\s+(?P<dof>.+?)\s*(?:\[(?P<unit>.*)\])?$")
 #: Columns by which a table of modes is known.
 _OF_MODES = {"frequency_hz", "damping_ratio"}
 #: Columns of words in a table of modes.
-_OF_WORDS = ("kind", "grade", "reason")
+_OF_WORDS = ("kind", "grade", "reason", "type", "remark")
 #: What stands in a header without ambiguity.
 _PLAIN = re.compile(r"[\w :+.²³µ-]*|\w+/\w+²?")
 #: Steps that the first time may lie beside its place: one row less is a whole step.

@@ -47,8 +47,8 @@ _WORDS = {
 }
 #: What may stand behind x, y or z in the name of a column, such as x_mm.
 _AFTER_AXIS = {"", "coord", "coordinate", "pos", "position", "m", "mm", "cm", "in", "inch", "inches", "ft"}
-#: Rows of a table of points and characters of a cell, more than any test has.
-_MAX_POINTS, _MAX_CHARACTERS = 200_000, 200
+#: Rows of a table of points, and characters of a cell, more than any test has; rows that show its columns.
+_MAX_POINTS, _MAX_CHARACTERS, _FIRST = 200_000, 200, 200
 #: Candidates for the neighbours of a point: the nearest so many.
 _CANDIDATES = 12
 #: Relative tolerance of equal distances on a measured grid.
@@ -136,11 +136,11 @@ def _points_of(path: Path) -> set[str] | None:
     if path.suffix.lower() not in TABLES:
         return None
     try:
-        head, rows, _ = _rows(path)
-        places = _places(path, head, len(rows[0]))
+        head, rows, _ = _rows(path, _FIRST)  # a long record is not read to its end for that
+        places = _places(path, head, len(rows[0])) if head else {}
+        return {row[places["node"]] for row in _rows(path)[1]} if {"node", "x", "y"} <= set(places) else None
     except (DataError, OSError, *DAMAGED):
         return None
-    return {row[places["node"]] for row in rows} if head and {"node", "x", "y"} <= set(places) else None
 
 
 def _joins(path: Path, nodes: set[str]) -> bool:
@@ -296,14 +296,14 @@ def geometry_of_tables(points: Path, lines: Path | None = None) -> Geometry:
     return Geometry(nodes=tuple(nodes), coordinates=np.array(list(nodes.values())), motions=motions, **joined)  # type: ignore[arg-type]
 
 
-def _rows(path: Path) -> tuple[list[str], list[list[str]], Dialect]:
+def _rows(path: Path, most: int = _MAX_POINTS) -> tuple[list[str], list[list[str]], Dialect]:
     """Return the head of a table, empty where it has none, its rows, and how it is written."""
     lines: Iterator[tuple[int, str]]
     if path.suffix.lower() == ".xlsx":
         lines = iter(rows_of_workbook(path))
     else:
         lines = lines_of(path, encoding_of(path), 0, room(path.name, path.stat().st_size))
-    texts = [uncommented(line) for _, line in islice(lines, _MAX_POINTS)]
+    texts = [uncommented(line) for _, line in islice(lines, most)]
     dialect = _dialect(path, [text for text, comment in texts if not comment])
     rows = [split(text, dialect) for text, _ in texts]
     width = max((len(row) for row, (_, comment) in zip(rows, texts, strict=True) if not comment), default=0)

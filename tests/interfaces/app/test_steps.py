@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import pickle
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -254,3 +255,17 @@ def test_the_pictures_of_the_data_are_made_as_soon_as_they_are_read(tmp_path: Pa
     names = TASKS["measured"](run.stages, None)
     assert names
     assert all(TASKS["picture"](run.stages, None, name) for name in names)
+
+
+def test_findings_come_before_there_are_modes_and_types_and_remarks_are_exported(tmp_path: Path) -> None:
+    run = Run()
+    data, orders = KINDS["lines"]
+    document = document_of(data, tmp_path, orders=orders)
+    run.run(document)
+    assert isinstance(run.head("overview")["findings"], list)
+    first = run.stages.finished().modes.frequencies[0]
+    run.run(replace(document, names={f"{first:.6g}": "first bending; wing tips"}))
+    table = TASKS["export"](run.stages, None, ".csv", str(tmp_path / "a.csv")).read_text(encoding="utf-8").splitlines()
+    rows = [dict(zip(table[0].split(","), line.split(","), strict=False)) for line in table[1:]]
+    assert (rows[0]["type"], rows[0]["remark"], rows[1]["type"]) == ("first bending", "wing tips", "")
+    assert len(ms.read(tmp_path / "a.csv")) == len(rows)

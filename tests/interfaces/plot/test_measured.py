@@ -63,6 +63,16 @@ def test_points_are_counted_by_their_coherence_and_those_without_a_channel_are_t
     }
 
 
+def test_the_points_of_a_roving_hammer_are_those_of_its_forces() -> None:
+    nodes = [label.partition(":")[0] for label in POINTS]
+    geometry = ms.Geometry(nodes=nodes, coordinates=[[k, 0, 0] for k in range(len(nodes))])
+    roving = CHAIN.frequency_response(LINES.frequencies, outputs=list(POINTS[:1]), inputs=list(POINTS))
+    coherence = np.ones((400, 1, len(POINTS))) * np.array([0.5, *[1.0] * (len(POINTS) - 1)])
+    marks = measured_pictures(replace(roving, geometry=geometry, coherence=coherence))["points"].panels[0].items
+    told = {mark.words: len(mark.x) for mark in marks if isinstance(mark, Marks) and mark.words}
+    assert told == {f"coherence from 0.9 ({len(POINTS) - 1})": len(POINTS) - 1, "below 0.7 (1)": 1, "sensors (1)": 1}
+
+
 def test_the_darkness_of_the_coherence_of_all_channels_is_what_a_force_does_not_explain() -> None:
     coherence = np.ones((400, len(POINTS)))
     coherence[100:200, 2] = 0.4

@@ -11,7 +11,7 @@ import pytest
 
 import modalscope as ms
 from modalscope.interfaces.cli import main
-from modalscope.interfaces.reporting.header import header_of, header_sections
+from modalscope.interfaces.reporting.header import header_of, header_of_remarks, header_sections
 from tests.interfaces.plot import examples
 from tests.support import refused
 
@@ -89,3 +89,12 @@ def test_the_terminal_takes_a_header_for_its_reports(tmp_path: Path) -> None:
     head.write_text(TEXT)
     assert main(["identify", str(data), "--orders", "8:14:2", "-q", "-o", str(page), "--header", str(head)]) == 0
     assert "<dt>project</dt><dd>P-7</dd>" in page.read_text()
+
+
+def test_sensors_that_are_typed_on_the_page_are_a_line_each() -> None:
+    header = header_of_remarks(["sensors: 1:+Z, accelerometer, 1234\n2:+Z, accelerometer", "conclusion: Fit for use."])
+    assert header["sensors"] == [
+        {"channel": "1:+Z", "sensor": "accelerometer", "serial": "1234"},
+        {"channel": "2:+Z", "sensor": "accelerometer"},
+    ]
+    assert [section.anchor for section in header_sections(header)] == ["test", "conclusion"]

@@ -150,8 +150,7 @@ class OpenDocument:
 
     def _late(self) -> None:
         self._stop_hard()
-        reason = f"it took more than {self.limits.seconds / 3600:g} hours"
-        self._fail(reason, "Choose a band, or fewer orders.")
+        self._fail(f"it took more than {self.limits.seconds / 3600:g} hours", "Choose a band, or fewer orders.")
 
     def _stop_hard(self) -> None:
         self._dismiss()

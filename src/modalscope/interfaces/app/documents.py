@@ -91,9 +91,11 @@ class DocumentStore:
         if len(paths) == 1 and paths[0].name.lower().endswith(_DOCUMENT):
             document = self._of_paths(read_analysis(paths[0]), paths[0].parent)
         else:
-            paths, geometry = await asyncio.to_thread(geometry_among, paths)
             # beside a file of any other kind a table of points alone is a geometry, too
-            if len(paths) == 1 and (await asyncio.to_thread(geometry_among, [*paths, Path("measurement")]))[1]:
+            alone = [] if len(paths) > 1 else [Path("measurement")]
+            data, geometry = await asyncio.to_thread(geometry_among, [*paths, *alone])
+            paths = paths if alone else data
+            if alone and geometry:
                 fault = "it is a geometry: points, and no measurement"
                 raise DataError(f"opening {paths[0].name} was asked", fault, "Drop the measurement with it, together.")
             reading = {"geometry": tuple(map(str, geometry))} if geometry else {}
@@ -110,13 +112,10 @@ class DocumentStore:
         files = []
         for file in document.files or (SourceFile(),):
             path = str(self._readable(Path(file.path), folder, "data"))
-            files.append(replace(file, path=path, reading=self._of_geometry(file.reading, folder)))
+            points = [str(self._readable(Path(str(name)), folder, "geometry")) for name in named_in(file.reading)]
+            reading = {**file.reading, **({"geometry": tuple(points)} if points else {})}
+            files.append(replace(file, path=path, reading=reading))
         return replace(document, files=tuple(files))
-
-    def _of_geometry(self, reading: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-        """Return options of reading whose geometry is a file that may be read: as stored, or in the folder of the document."""
-        paths = [self._readable(Path(str(name)), folder, "geometry") for name in named_in(reading)]
-        return {**reading, "geometry": tuple(map(str, paths))} if paths else dict(reading)
 
     def _readable(self, stored: Path, folder: Path, what: str) -> Path:
         """Return a file of a document that may be read: as stored, or in the folder of the document."""

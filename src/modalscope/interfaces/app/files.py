@@ -25,7 +25,6 @@ FORMATS = {
     ".csv": "a table of the modes",
     ".xlsx": "a workbook: modes, shapes, MAC, responses",
     ".uff": "universal file, dataset 55",
-    ".unv": "universal file, dataset 55",
     ".npz": "NumPy arrays",
     ".mat": "MATLAB arrays",
     ".h5": "HDF5 arrays",
@@ -127,7 +126,7 @@ class FileStore:
         top, inner = (self._uploads, name.removeprefix(_UPLOAD)) if name.startswith(_UPLOAD) else (self.folder, name)
         if top is None or not lies_in(top / inner, [top]):
             fault = "no folder was given" if self.folder is None else "it is outside of the folder"
-            remedy = "Start `modalscope app --folder` there, or drop the file on the page."
+            remedy = "Drop the file on the page, or start the page in the folder of the file."
             raise DataError(f"{name!r} was asked", fault, remedy)
         if not is_file_in(top / inner, [top]):
             raise DataError(f"{name!r} was asked", "there is no such file", "Choose a listed file.")
@@ -197,13 +196,13 @@ def _size_of(folder: Path) -> int:
 def _full(name: str, most: str) -> DataError:
     """Return the error of an upload for which there is no room."""
     fault = f"the files that were dropped on the page would be more than {most} together"
-    remedy = "Close documents that are done with, start `modalscope app --forget`, or raise --max-dropped."
+    remedy = "Delete recent documents that are done with: their files go with them."
     return DataError(f"uploading {name} was asked", fault, remedy)
 
 
 def too_large(name: str, max_bytes: int) -> DataError:
     """Return the error of an upload of more than `max_bytes` bytes."""
-    remedy = "Move it to a folder and start `modalscope app --folder` there."
+    remedy = "Start the page in its folder and choose it there."
     return DataError(f"uploading {name} was asked", f"it has more than {max_bytes / 1e6:g} MB", remedy)
 
 

@@ -42,6 +42,7 @@ def result_head(result: Result) -> dict[str, Any]:
         "findings": [finding._asdict() for finding in grouped(result.findings)],
         "script": result_script(result),
         "columns": list(first.response.columns),
+        "plans": len(result.diagrams) == 1 and first.response.separable and not first.response.ambient,
     }
     if (fit := fit_of_result(result)) is not None:
         head |= {"fit": fit[0], "fits": np.broadcast_to(fit[1], first.response.values.shape[1:])}
@@ -100,7 +101,7 @@ class Stages:
         self._tell("stage", {"stage": "examining"})
         self.data, self._notes, self._of_data = data, notes, key
         self._spectra = spectra_of(data)
-        self._tell("blob", ("overview", overview_blob(data, self._spectra)))
+        self._tell("blob", ("overview", overview_blob(data, self._spectra, grouped(self._examined(data)))))
 
     def _identify(self, document: Analysis, kept: bytes | None, check: Callable[[], None]) -> None:
         key = diagrams_key(document)

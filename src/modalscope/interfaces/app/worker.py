@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,7 +12,7 @@ from zipfile import ZIP_DEFLATED, ZipFile
 
 from modalscope.analysis.workflow.realize import realize
 from modalscope.data import DataError, ModalModel
-from modalscope.data.analysis import Analysis
+from modalscope.data.analysis import Analysis, named_near
 from modalscope.interfaces.app.files import FORMATS
 from modalscope.interfaces.app.steps import Stages
 from modalscope.interfaces.plot.picture import Picture
@@ -36,7 +37,7 @@ def channel(stages: Stages, progress: Progress, output: int | None = None, colum
 
 def export(stages: Stages, progress: Progress, suffix: str, target: str, mode: int = 0) -> Path:
     """Write the result in one of `FORMATS`, as the command line does, to the file `target`; `mode`: the one of a film."""
-    result, path = stages.finished(), Path(target)
+    result, path = named_in(stages.finished()), Path(target)
     if suffix not in FORMATS:
         raise DataError(f"{suffix} was asked", f"the formats are {', '.join(FORMATS)}", "Choose one of these.")
     if suffix in (".html", ".docx", ".pptx"):
@@ -55,6 +56,12 @@ def export(stages: Stages, progress: Progress, suffix: str, target: str, mode: i
         return path
     write(path, result.analysis if suffix == ".analysis.json" else result)
     return path
+
+
+def named_in(result: Result) -> Result:
+    """Return a result whose modes have the names of its document with their reasons, as files keep them."""
+    named = [{**m.reason, "name": named_near(result.analysis.names, m.frequency)} for m in result.modes]
+    return replace(result, modes=replace(result.modes, reasons=tuple(named))) if result.analysis.names else result
 
 
 def _choices(document: Analysis) -> dict[str, Any]:
@@ -105,8 +112,7 @@ def compared(stages: Stages, progress: Progress, methods: list[str] | None = Non
     chosen = {k: v for k, v in _choices(found.analysis).items() if k in ("route", "exclude", "band")}
     choices = {"orders": found.analysis.orders, "analysis": found, **chosen}
     comparison = compare(stages.data, methods or "all", progress=progress, **choices)
-    pictures = compared_pictures(comparison)
-    stages.pictures |= pictures
+    stages.pictures |= (pictures := compared_pictures(comparison))
     return compared_view(comparison) | {"pictures": list(pictures)}
 
 
@@ -124,8 +130,7 @@ def measured(stages: Stages, progress: Progress) -> list[str]:
 
     if stages.data is None:
         raise DataError("the pictures of the data were asked", "the data are not read", "Wait until they are read.")
-    pictures = measured_pictures(stages.data)
-    stages.pictures |= pictures
+    stages.pictures |= (pictures := measured_pictures(stages.data))
     return list(pictures)
 
 
@@ -154,6 +159,9 @@ def compared_view(comparison: Comparison) -> dict[str, Any]:
 #: The questions of the page by name.
 _NAMED = (channel, against, export, measured, planned, picture)
 TASKS: dict[str, Callable[..., Any]] = {"compare": compared} | {task.__name__: task for task in _NAMED}
+
+#: Those that are answered between two orders, before there are modes.
+_OF_DATA = ("measured", "picture")
 
 
 class _Newer(Exception):
@@ -190,10 +198,13 @@ class _Worker:
             self._waiting.append(self._pipe.recv())
 
     def _check(self, kinds: tuple[str, ...] = ("work", "cancel")) -> None:
-        """Raise if a command of these kinds waits."""
+        """Raise if a command of these kinds waits; answer what the data alone answer."""
         self._collect()
         if any(command[0] in kinds for command in self._waiting):
             raise _Newer
+        for command in [command for command in self._waiting if command[0] == "ask" and command[2] in _OF_DATA]:
+            self._waiting.remove(command)
+            self._answer(*command[1:])
 
     def _work(self, command: tuple[Any, ...]) -> None:
         kind, self._job, *rest = command

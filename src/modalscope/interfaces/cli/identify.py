@@ -11,14 +11,12 @@ from typing import TYPE_CHECKING, Any
 
 from modalscope.interfaces.cli.parser import (
     Parser,
-    add_choices,
     add_expert,
     add_files,
-    add_method,
-    add_orders,
     add_outputs,
     add_outside,
     add_pictures,
+    add_search,
     add_workers,
 )
 from modalscope.interfaces.cli.process import (
@@ -59,9 +57,7 @@ _CONNECT_SECONDS = 20
 def add_identify(parser: Parser) -> None:
     """Add the arguments of `identify`."""
     add_files(parser)
-    add_method(parser)
-    add_orders(parser)
-    add_choices(parser, bands=True)
+    add_search(parser)
     add = parser.group("modes")
     add("--frequencies HZ...", "report the modes at these frequencies only")
     add("--take HZ...", "also report the modes at these frequencies")
@@ -227,7 +223,8 @@ def _run_each(options: argparse.Namespace) -> None:
 
     each = each_test(options)
     reference = None if options.reference is None else read_modes(options, options.reference)
-    stems = [_as_stem(name) for name, _ in each]
+    parts = [name.partition(", ") for name, _ in each]  # `tower.csv`, or `tower.csv, run 2`
+    stems = ["_".join([Path(file).stem, *re.findall(r"\w+", test)]) for file, _, test in parts]
     places = [[out.with_name(f"{out.stem}_{stem}{out.suffix}") for out in options.outputs] for stem in stems]
     targets = [place for group in places for place in group]
     for target in targets:
@@ -252,12 +249,6 @@ def _run_each(options: argparse.Namespace) -> None:
     if failed:
         complain(f"{len(failed)} of {len(each)} files failed: {', '.join(failed)}")
         raise SystemExit(EXIT_PARTLY if tests else EXIT_WRONG)
-
-
-def _as_stem(name: str) -> str:
-    """Return the name of a test, `tower.csv` or `tower.csv, run 2`, as a part of that of a file."""
-    file, _, test = name.partition(", ")
-    return "_".join([Path(file).stem, *re.findall(r"\w+", test)])
 
 
 def _table(tests: Sequence[tuple[str, ModalModel]], reference: ModalModel | None) -> str:

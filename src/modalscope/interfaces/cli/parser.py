@@ -302,3 +302,10 @@ def add_choices(parser: Parser, *, bands: bool = False) -> None:
     add(*EXCLUDED)
     same = "exchange inputs and outputs by reciprocity, or do not; default: where the inputs outnumber the outputs"
     add("--reciprocal", same, action=argparse.BooleanOptionalAction, default=None)
+
+
+def add_search(parser: Parser) -> None:
+    """Add what modes are searched with: a cell of the table, orders, bands and channels."""
+    add_method(parser)
+    add_orders(parser)
+    add_choices(parser, bands=True)

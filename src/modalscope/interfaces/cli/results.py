@@ -20,6 +20,7 @@ from modalscope.interfaces.cli.parser import (
     add_outside,
     add_pictures,
     add_reading,
+    add_search,
 )
 from modalscope.interfaces.cli.process import explain, progress, remark, say
 
@@ -124,9 +125,7 @@ def refine(options: argparse.Namespace) -> None:
 def add_certify(parser: Parser) -> None:
     """Add the arguments of `certify`."""
     add_files(parser)
-    add_method(parser)
-    add_orders(parser)
-    add_choices(parser, bands=True)
+    add_search(parser)
     parser.add("--no-refine", "certify the values of the diagram", dest="refine", action="store_false")
     parser.add("--replicates N", "number of simulations (default: 40)", default=40)
     parser.add("--select", "repeat the selection of modes in each simulation")

@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from modalscope.interfaces.cli.parser import Parser, add_choices, add_method, add_orders, add_reading
+from modalscope.interfaces.cli.parser import Parser, add_reading, add_search
 from modalscope.interfaces.cli.process import complain, progress, remark, say
 
 if TYPE_CHECKING:
@@ -38,9 +38,7 @@ def add_watch(parser: Parser) -> None:
     add("--force", "replace a picture or report that modalscope did not write")
     add("--covariates CSV", "table of temperature, wind ...: time, then a column for each")
     add_reading(parser)
-    add_method(parser)
-    add_orders(parser)
-    add_choices(parser, bands=True)
+    add_search(parser)
 
 
 def watch(options: argparse.Namespace) -> None:

@@ -75,12 +75,14 @@ def _response_of(data: Any) -> FrequencyResponse | None:
 
 
 def points_picture(data: Any, geometry: Geometry, coherence: Array | None) -> Picture:
-    """Return the points of a test on their geometry, coloured by mean coherence."""
-    means = None if coherence is None else coherence.reshape(*coherence.shape[:2], -1).mean(axis=(0, 2))
+    """Return the points of a test on their geometry, coloured by mean coherence: of a roving hammer those of the forces."""
+    roving = len(data.input_dofs) > len(data.output_dofs) and (coherence is None or coherence.ndim == 3)
+    labels, others = (data.input_dofs, data.output_dofs) if roving else (data.output_dofs, data.input_dofs)
+    means = None if coherence is None else coherence.reshape(*coherence.shape[:2], -1).mean((0, 1 if roving else 2))
     joined = with_lines(geometry)
     places = joined.coordinates @ oblique().matrix
     at = {node: k for k, node in enumerate(joined.nodes)}
-    moved = [(node, o) for o, label in enumerate(data.output_dofs) for node, _ in joined.motion_of(label)]
+    moved = [(node, o) for o, label in enumerate(labels) for node, _ in joined.motion_of(label)]
     seen = {at[node]: o for node, o in moved if node in at}
     nodes, outputs = np.array(list(seen), dtype=int), np.array(list(seen.values()), dtype=int)
     rest = np.setdiff1d(np.arange(len(places)), nodes)
@@ -92,8 +94,8 @@ def points_picture(data: Any, geometry: Geometry, coherence: Array | None) -> Pi
     for ink, own, words in _graded(values):
         told = words if means is not None else f"measured ({len(own)})"
         items.append(_nodes(places[nodes[own]], ink, "circle", told if len(own) else "", 2.0))
-    driven = [at[dof.node] for dof in map(parse_dof, data.input_dofs) if dof is not None and dof.node in at]
-    words = f"driven ({len(set(driven))})" if driven else ""
+    driven = [at[dof.node] for dof in map(parse_dof, others) if dof is not None and dof.node in at]
+    words = f"{'sensors' if roving else 'driven'} ({len(set(driven))})" if driven else ""
     items.append(_nodes(places[driven], "ink", "triangle", words, 3.0, hollow=True))
     across, upward = (axis_of("", [places[:, k]], room=0.12) for k in (0, 1))
     words = "Measured points on the geometry" + ("" if means is None else ", coloured by mean coherence")

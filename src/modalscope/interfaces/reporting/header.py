@@ -40,8 +40,8 @@ def header_of(given: str | Path | Mapping[str, Any] | None) -> dict[str, Any]:
     return header
 
 
-def header_of_remarks(remarks: Iterable[str]) -> dict[str, str]:
-    """Return the entries of a header that remarks on an analysis are: `project: Bridge 7`.
+def header_of_remarks(remarks: Iterable[str]) -> dict[str, Any]:
+    """Return the entries of a header that remarks on an analysis are: `project: Bridge 7`; of sensors a line each, parted by commas.
 
     Examples
     --------
@@ -49,7 +49,9 @@ def header_of_remarks(remarks: Iterable[str]) -> dict[str, str]:
     {'project': 'Bridge 7'}
     """
     pairs = (remark.partition(": ") for remark in remarks)
-    return {key.strip(): text.strip() for key, sign, text in pairs if sign and text.strip()}
+    header: dict[str, Any] = {key.strip(): text.strip() for key, sign, text in pairs if sign and text.strip()}
+    rows = [map(str.strip, line.split(",")) for line in header.get("sensors", "").splitlines()]
+    return header | ({"sensors": [dict(zip(_SENSOR, row, strict=False)) for row in rows]} if rows else {})
 
 
 def header_sections(header: Mapping[str, Any]) -> Iterator[Section]:

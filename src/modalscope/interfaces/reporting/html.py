@@ -90,16 +90,11 @@ def page(title: str, subtitle: str, sections: Iterable[Section], generator: str)
     template, style = (part.read_text(encoding="utf-8") for part in parts)
     listed = list(sections)
     links = "".join(f'<a href="#{escaped(s.anchor)}">{escaped(s.title)}</a>' for s in listed)
-    style = f"{_inks()}{style}{STYLE}"
+    dark = f"@media (prefers-color-scheme: dark) {{ @media screen {{ :root {{ {inks(dark=True)} }} }} }}"
+    style = f":root {{ {inks(dark=False)} }}\n{dark}\n{style}{STYLE}"
     texts = {"title": escaped(title), "subtitle": escaped(subtitle), "generator": escaped(generator)}
     body = "\n".join(s.html() for s in listed)
     return Template(template).substitute(texts, policy=_POLICY, style="\n" + style, links=links, sections=body)
-
-
-def _inks() -> str:
-    """Return the inks of pictures as variables of the style, on white and on dark ground; paper is white."""
-    dark = f"@media (prefers-color-scheme: dark) {{ @media screen {{ :root {{ {inks(dark=True)} }} }} }}"
-    return f":root {{ {inks(dark=False)} }}\n{dark}\n"
 
 
 def paragraph(text: str, kind: str = "") -> str:

@@ -134,7 +134,7 @@ def _further(modes: ModalModel) -> dict[str, list[str]]:
 def columns_of(modes: ModalModel) -> dict[str, Any]:
     """Return the numbers of the modes by column, as files and data frames have them.
 
-    Standard deviations, degrees of freedom and indicators; then 95 % intervals, MPC, grade and reason.
+    Standard deviations, degrees of freedom and indicators; then 95 % intervals, MPC, grade, reason, type and remark.
     """
     (f, zeta), judged = interval_ends(modes, 0.95), grades(modes)
     columns = known_columns(modes)
@@ -143,7 +143,9 @@ def columns_of(modes: ModalModel) -> dict[str, Any]:
         columns |= {"damping_ratio_95_low": zeta[:, 0], "damping_ratio_95_high": zeta[:, 1]}
     if len(modes.output_dofs) > 1:
         columns["mpc"] = _collinearity(modes)
-    return {**columns, "grade": [g.word for g in judged], "reason": [g.reason for g in judged]}
+    columns |= {"grade": [g.word for g in judged], "reason": [g.reason for g in judged]}
+    named = [str(reason.get("name", "")).partition("; ") for reason in modes.reasons]
+    return columns | ({"type": [n[0] for n in named], "remark": [n[2] for n in named]} if any(map(any, named)) else {})
 
 
 def _collinearity(modes: ModalModel) -> RealArray:

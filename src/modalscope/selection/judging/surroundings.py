@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 
@@ -73,12 +72,9 @@ def note_on_ends(response: Response, modes: ModalModel) -> Note | None:
 
 def with_reasons(modes: ModalModel, facts: Mapping[str, RealArray]) -> ModalModel:
     """Return modes with further reasons, (n,) each; what is not known is left out."""
-    own: list[dict[str, Any]] = [dict(each) for each in modes.reasons] or [{} for _ in range(len(modes))]
-    for name, values in facts.items():
-        for each, value in zip(own, values, strict=True):
-            if np.isfinite(value):
-                each[name] = float(value)
-    return replace(modes, reasons=tuple(own))
+    known = [{name: float(v[j]) for name, v in facts.items() if np.isfinite(v[j])} for j in range(len(modes))]
+    own = modes.reasons or ({},) * len(modes)
+    return replace(modes, reasons=tuple({**each, **more} for each, more in zip(own, known, strict=True)))
 
 
 def _lines(response: Response, values: Array) -> tuple[RealArray, ComplexArray]:

@@ -18,7 +18,7 @@ from modalscope.interfaces.plot.shapes import has_channels, measured_nodes, turn
 from modalscope.interfaces.plot.web.blob import pack, parts_of
 from modalscope.io.geometry import points_table
 from modalscope.numerics.checks import Array, ComplexArray
-from modalscope.selection.judging.description import HEADS, ModeDescription, described
+from modalscope.selection.judging.description import ModeDescription, described
 
 #: What is known of frequencies and damping, whatever the points are over which the shapes are drawn.
 _KEPT = ("poles", "geometry", "scaling", "frequencies_std", "damping_ratios_std", "degrees")
@@ -70,7 +70,6 @@ def modes_parts(
     """Return the entries and the arrays of modes; `points`: as of `over_points`. `holds`, `preliminary`: as in `described`."""
     points = modes if points is None else points
     entries: dict[str, Any] = {
-        "heads": HEADS,
         "modes": _rows(modes, names, described(modes, holds, preliminary=preliminary)),
         "left_out": [candidate.to_dict() for candidate in modes.left_out],
         "outputs": list(modes.output_dofs),

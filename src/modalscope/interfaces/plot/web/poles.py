@@ -95,14 +95,15 @@ def longest_of(data: Any) -> Signals | None:
     return max(getattr(data, "recordings", ()), key=lambda run: run.samples, default=None)
 
 
-def overview_blob(data: Any, spectra: Decomposition | None = None) -> bytes:
-    """Return the indicator over the full range, with a summary of the data; `spectra`: those of `spectra_of`."""
+def overview_blob(data: Any, spectra: Decomposition | None = None, findings: Any = ()) -> bytes:
+    """Return the indicator over the full range, with a summary of the data and its findings; `spectra`: those of `spectra_of`."""
     try:
         lines, curves = curves_of(data, spectra=spectra)
     except DataError:  # no response can be estimated from these records
         lines, curves = np.zeros(0), np.zeros((0, 1))
     span = [lines[0], lines[-1]] if len(lines) else None
-    head = {"summary": summary_of(data), "span": span, "kinds": [kind._asdict() for kind in KINDS]}
+    told = {"kinds": [kind._asdict() for kind in KINDS], "findings": [finding._asdict() for finding in findings]}
+    head = {"summary": summary_of(data), "span": span, **told}
     lines, level = thinned(lines, curves[:, :_MAX_CURVES], _MAX_POINTS)
     return pack(head, {"lines": lines, "curves": level}, exact=("lines",))
 

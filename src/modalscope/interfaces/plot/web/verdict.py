@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -66,7 +67,9 @@ def verdict_of(modes: ModalModel, response: Response, fit: Fit, judged: Sequence
     share = () if fit is None else (unexplained(fit[0]),)
     enough = fit is None or explains_enough(fit[0])
     taken = ("No force was measured: taken as ambient vibration.",) if response.ambient else ()
-    graded = _grade_counts(grades(modes) if judged is None else judged)
+    counts = Counter(grade.word for grade in (grades(modes) if judged is None else judged))
+    listed = [f"{counts[word]} {word}" for word in GRADES if counts[word]]
+    graded = (f"Graded: {', '.join(listed)}.",) if listed else ()
     return Verdict(taken, share if enough else (), (*(() if enough else share), *_alike(modes)), graded)
 
 
@@ -84,12 +87,6 @@ def _alike(modes: ModalModel) -> tuple[str, ...]:
     more = f", and of {counted(len(pairs) - 1, 'more pair')}" if len(pairs) > 1 else ""
     causes = "few sensors, a common signal, a duplicate?"
     return (f"WARNING: shapes of modes {i + 1} and {j + 1} are alike (MAC {value:.2f}){more}: {causes}",)
-
-
-def _grade_counts(judged: Sequence[Grade]) -> tuple[str, ...]:
-    counts = [(word, sum(grade.word == word for grade in judged)) for word in GRADES]
-    listed = [f"{number} {word}" for word, number in counts if number]
-    return (f"Graded: {', '.join(listed)}.",) if listed else ()
 
 
 def grouped(findings: Iterable[Finding]) -> list[Finding]:
