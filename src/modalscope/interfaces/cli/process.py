@@ -225,7 +225,7 @@ def brief(text: str, columns: int = MAX_COLUMNS) -> str:
     if len(text) <= columns:
         return text
     room = text[: columns - len(" (-v)") + 1]
-    ends = [room.rfind(sign) for sign in (". ", "; ", " (else:", ": ", ", ", " ")]
+    ends = [max(map(room.rfind, signs)) for signs in ((". ", "; ", " (else:"), (": ", ", "), (" ",))]
     return f"{room[: next((end for end in ends if end > columns / 3), len(room) - 1)]} (-v)"
 
 
