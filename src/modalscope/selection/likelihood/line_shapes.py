@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
+import scipy.linalg as sla
 
 from modalscope.data.modes import ModalModel
 from modalscope.data.records import Signals
 from modalscope.numerics.checks import ComplexArray, IntArray, RealArray
 from modalscope.numerics.functions.poles import QUANTITIES
 from modalscope.numerics.orthonormal import most_real
+from modalscope.numerics.statistics import few_channels
 from modalscope.signals.preprocess.spectra import Spectrum
 
 #: A shape is estimated from the lines within this many half bandwidths; the noise from those in this range of half bandwidths.
@@ -35,9 +36,8 @@ _MIN_POWER = 0.05
 _MAX_BESIDE, _MIN_POWER_BESIDE, _MAX_CORRELATION = 4, 1e-3, 0.98
 
 #: Maximum number of passes over the modes that moved by more than this part of a deviation, or beside which others did; scoring steps of
-#: each mode, of which one shorter than this is the last, and times that a step is shortened; damping at first, after a failed step at
-#: least, and its factors.
-_MAX_PASSES, _SETTLED, _SCORING_STEPS, _LAST_STEP, _MAX_SHORTENED = 8, 0.5, 10, 0.1, 5
+#: each mode, and times that a step is shortened; damping at first, after a failed step at least, and its factors.
+_MAX_PASSES, _SETTLED, _SCORING_STEPS, _MAX_SHORTENED = 8, 0.5, 2, 5
 _FIRST_DAMPING, _FAILED_DAMPING, _GROWTH, _FALL = 1e-3, 1e-2, 10.0, 0.2
 
 #: Squared correlations of spectral lines 0, 1 and 2 apart, by the number of sine tapers, summed over these; 0: a Hann window. Each line
@@ -53,6 +53,9 @@ _MOST_IMAGINARY = 4.0
 #: modes of random records, in half of which the strongest mode was missing, lines gave the better shapes below and fits above it.
 _MAX_MISFIT = 10.0
 
+
+#: Products of unknowns on lines that are formed at a time.
+_NUMBERS_AT_A_TIME = 1 << 20
 
 #: Least part of the error of a component that lies across its shape: one that is nearly alone has hardly any.
 _LEAST_ACROSS = 0.05
@@ -99,11 +102,15 @@ def line_shapes(record: Signals, modes: ModalModel, avoided: Sequence[tuple[floa
         v = 1 / (phi' E^-1 phi),  q = v phi' E^-1 Y,  m = q P / (P + v),  p = |m|^2 + P v / (P + v),
         phi = (sum p E^-1)^-1 Re sum E^-1 Y m*
 
-    are those of expectation and maximization of Whittle's likelihood by phi, with uncorrelated forces. From there Fisher scoring leads to
-    the maximum by phi, by the shapes of strong modes whose peaks stand among its lines, and by the correlations of all their forces, which
-    are real where forces act at one time. The covariance of phi is its part of the inverse of the information there, with all these poles
-    unknown as well, times the misfit where that exceeds one; what only the size of the mode has is no error of its shape. Noise is
-    independent from channel to channel, its size the smallest eigenvalue of the normed spectral matrix beside the mode.
+    are those of expectation and maximization of Whittle's likelihood by phi, with uncorrelated forces. From there Fisher scoring by phi
+    and by the correlations of its force with those of the modes that are strongest on its lines, which are real where forces act at one
+    time, leads to the maximum. The covariance of phi is the inverse of the information there times the misfit where that exceeds one; what
+    only the size of the mode has is no error of its shape; its pole, and poles and shapes of modes whose peaks stand among these lines, are
+    unknown as well. Noise is independent from channel to channel, its size the smallest eigenvalue of the normed spectral matrix beside
+    the mode.
+
+    Shapes of close modes, and correlations of all their forces, sought at once reach a larger likelihood and worse shapes: what is wrong
+    with poles and model goes into them. Three setups of a building that agree on its closest modes to a MAC of .9 then have .2.
 
     What is complex in the given shape stays where it is more than errors, of the lines and of the given shape, and more than forces in step
     with those of other modes can turn it by. A given shape stays where the misfit says that there is more on the lines than the modes; what
@@ -144,15 +151,15 @@ def line_shapes(record: Signals, modes: ModalModel, avoided: Sequence[tuple[floa
 
 def _at_maximum(lines: _Lines, modes: ModalModel, shapes: RealArray) -> tuple[RealArray, RealArray, RealArray]:
     """Return shapes and their deviations where every mode's lines are most likely given all others, and the misfits (n,), NaN unknown."""
-    count = len(modes)
-    forces, deviations, misfits = [np.eye(count)] * count, np.full(shapes.shape, np.nan), np.full(count, np.nan)
-    depends, moved = np.eye(count, dtype=bool), np.ones(count, dtype=bool)
+    forces, deviations, misfits = np.eye(len(modes)), np.full(shapes.shape, np.nan), np.full(len(modes), np.nan)
+    depends = np.eye(len(modes), dtype=bool)
+    moved = np.ones(len(modes), dtype=bool)
     for _ in range(_MAX_PASSES):
-        before, shapes = shapes, shapes.copy()
+        before = shapes
         for j in _strongest_first(shapes):
-            found = _scored(lines, modes, shapes, forces[j], j) if np.any(moved & depends[j]) else None
+            found = _scored(lines, modes, shapes, forces, j) if np.any(moved & depends[j]) else None
             if found is not None:
-                shapes[:, j], forces[j] = found.shape, found.forces
+                shapes, forces = found.shapes, found.forces
                 depends[j, found.beside] = True
                 deviations[:, j], misfits[j] = found.deviations, found.misfit
         moved = np.any(np.abs(shapes - before) > _SETTLED * deviations, axis=0)
@@ -297,9 +304,9 @@ def _in_noise(shapes: RealArray, noise: RealArray) -> tuple[RealArray, RealArray
 
 
 class _Scored(NamedTuple):
-    """The shape of a mode where its lines are most likely, correlations of forces there, modes beside it, its deviations, the misfit."""
+    """All shapes and correlations of forces with those of one mode at the maximum, the modes beside it, its deviations, and the misfit."""
 
-    shape: RealArray
+    shapes: RealArray
     forces: RealArray
     beside: list[int]
     deviations: RealArray
@@ -309,11 +316,11 @@ class _Scored(NamedTuple):
 class _Spectral(NamedTuple):
     """S = A R A* + N on the lines of a mode, A = [phi_k h_k], in the span of shapes: N^-1/2 S N^-1/2 is L L* in Q, and one beside.
 
-    `Q` (l, k): of N^-1/2 [phi]. `root`, `sides`, `driven` (f, k, ...): L^-1, and L^-1 of the coordinates of A and of A R. `seen` (f, k,
-    R), `beside` (R, f, l): L^-1 of those of Y, and what Y N^-1/2 has beside. `squares`: of both. `cost`: -log p.
+    `back` (l, k): N^-1/2 Q. `root`, `sides`, `driven` (f, k, ...): L^-1, and L^-1 of the coordinates of A and of A R. `seen` (f, k, R),
+    `beside` (R, f, l): L^-1 of those of Y, and what Y N^-1/2 has beside. `squares`: of both. `cost`: -log p.
     """
 
-    Q: RealArray
+    back: RealArray
     root: ComplexArray
     sides: ComplexArray
     driven: ComplexArray
@@ -323,36 +330,14 @@ class _Spectral(NamedTuple):
     cost: float
 
 
-class _Equations(NamedTuple):
-    """Fisher's information and the score, of shapes divided by the noise.
-
-    `inside` (p, p), `pull` (p,): by coordinates in Q of shapes, mode by mode, by poles, and by correlations. `beside` (m, m): by what
-    shapes have beside Q, the same in every direction, so that many outputs cost nothing. `pull_beside` (m, l).
-    """
-
-    inside: RealArray
-    pull: RealArray
-    beside: RealArray
-    pull_beside: RealArray
-
-    def step(self, damping: float) -> tuple[RealArray, RealArray, float]:
-        """Return the steps inside (p,) and beside (m, l), and the square of their size, deviations being one."""
-        inside, beside = (each + damping * np.diag(np.diag(each)) for each in (self.inside, self.beside))
-        x, y = np.linalg.solve(inside, self.pull), np.linalg.solve(beside, self.pull_beside)
-        return np.asarray(x), np.asarray(y), float(x @ self.pull + np.vdot(y, self.pull_beside))
-
-
 class _Lobe(NamedTuple):
-    """What is held while modes are scored: lines Y (R, f, l) of one, h of all there (f, n), noise (l,), what is unknown.
-
-    `unknown`: the mode, then those whose shapes are unknown as well. `pairs`: of modes whose forces may be correlated.
-    """
+    """What is held while one mode is scored: its lines Y (R, f, l), h of all modes there (f, n), noise (l,), itself, those beside it."""
 
     Y: ComplexArray
     h: ComplexArray
     noise: RealArray
-    unknown: list[int]
-    pairs: list[tuple[int, int]]
+    mode: int
+    beside: list[int]
 
     def spectral(self, shapes: RealArray, forces: RealArray) -> _Spectral | None:
         """Return S at shapes (l, n) and correlations (n, n); None where it is not positive definite."""
@@ -369,107 +354,95 @@ class _Lobe(NamedTuple):
         seen, beside = root @ inside.transpose(1, 2, 0), Y - inside @ Q.T
         squares = float(np.vdot(seen, seen).real + np.vdot(beside, beside).real)
         logs = 2 * len(Y) * float(np.log(np.einsum("faa->fa", L).real).sum())
-        return _Spectral(Q, root, root @ A, root @ driven, seen, beside, squares, logs + squares)
+        return _Spectral(unit[:, None] * Q, root, root @ A, root @ driven, seen, beside, squares, logs + squares)
 
-    def equations(self, at: _Spectral, slopes: ComplexArray | None = None) -> _Equations:
-        """Return Fisher's information and the score of shapes, of poles if asked, and of correlations.
+    def equations(self, at: _Spectral) -> tuple[RealArray, RealArray]:
+        """Return Fisher's information and the score of phi and of the correlations, (p, p) and (p,).
 
-        Every derivative of S is u v* + v u*: of a component of phi u = e_a h and v a column of A R, of a pole u = phi dh and the same v,
-        of a correlation u and v are columns of A. The information of two unknowns is the sum over lines and runs of
-
-            2 Re (v_p* S^-1 u_q) (v_q* S^-1 u_p) + (v_p* S^-1 v_q) (u_q* S^-1 u_p),
-
-        the score that of 2 Re (u* S^-1 y) (y* S^-1 v) - u* S^-1 v. Columns v lie in the span of shapes; e_a has a part beside, too.
-
-        `slopes` (f, m, e): of log h by what is unknown of each pole.
+        Every derivative of S is u v* + v u*: of a component of phi u = e_a h and v a column of A R, of a correlation u and v are columns
+        of A. The score is 2 Re (u* S^-1 y)(y* S^-1 v) - u* S^-1 v. Columns v lie in the span of shapes; e_a has a part beside, too.
         """
-        h, D, runs = self.h[:, self.unknown], at.driven[:, :, self.unknown], len(self.Y)
-        U, V = self._others(at, D, slopes)
-        crossed = _times(D, at.root)  # v* S^-1 e of shapes, (f, m, k)
-        Z = (crossed * h[:, :, None]).reshape(len(h), -1)
-        alike, of_sides = _times(D, D) * h[:, :, None] * h[:, None].conj(), _times(at.root, at.root)
-        m, k = crossed.shape[1:]
-        twice = (Z.T @ Z).real.reshape(m, k, m, k).transpose(0, 3, 2, 1)
-        shapes = (twice + _over_lines(alike, of_sides).transpose(0, 3, 1, 2)).reshape(m * k, m * k)
-        mixed = sum(
-            np.einsum("fmq,fqa->maq", _times(D, left) * h[:, :, None], _times(right, at.root)).real
-            for left, right in ((U, V), (V, U))
-        )
-        others = np.einsum("fpq,fqp->pq", *(_times(V, U),) * 2) + np.einsum("fpq,fqp->pq", _times(V, V), _times(U, U))
-        mixed = np.reshape(mixed, (m * k, -1))
-        inside = np.block([[shapes, mixed], [mixed.T, others.real]])
-        drawn = _times(at.seen, D) * h[:, None].conj()  # y* S^-1 v h*, (f, R, m)
-        of_shapes = np.sum(
-            _times(at.root, at.seen) @ drawn - runs * (crossed.conj() * h[:, :, None].conj()).swapaxes(1, 2), axis=0
-        )
-        of_others = np.sum(_times(U, at.seen) * _times(V, at.seen).conj(), axis=2) - runs * np.einsum(
-            "fkp,fkp->fp", U.conj(), V
-        )
-        pull = np.concatenate([of_shapes.T.ravel(), of_others.sum(axis=0)]).real
-        pull_beside = np.einsum("rfa,frm->ma", at.beside, drawn, optimize=True).real
-        return _Equations(2 * runs * inside, 2 * pull, 2 * runs * alike.sum(axis=0).real, 2 * pull_beside)
+        h, runs, unit, l = self.h[:, self.mode, None], len(self.Y), 1 / np.sqrt(self.noise), len(self.noise)
+        d, s, B = at.driven[:, :, self.mode], at.sides[:, :, self.mode], at.sides[:, :, self.beside]
+        inside, beside = self.information(at)
+        back = sla.block_diag(at.back, np.eye(len(self.beside)))
+        information = back @ inside @ back.T
+        information[:l, :l] += beside[0, 0] * (np.diag(unit**2) - at.back @ at.back.T)
+        of_d = _times(d[:, None], at.root)[:, 0] * h
+        drawn = _times(d[:, None], at.seen)[:, 0].conj()  # y* S^-1 v of components, (f, R)
+        of_inside = _times((at.seen @ drawn[:, :, None])[:, None, :, 0], at.root)[:, 0].conj() * h.conj()
+        of_beside = unit * np.einsum("rfa,fr->a", at.beside, drawn * h.conj())
+        by_component = at.back @ np.sum(of_inside - runs * of_d.conj(), axis=0) + of_beside
+        each = _times(s[:, None], at.seen) * _times(B.swapaxes(1, 2), at.seen).conj()
+        score = np.concatenate([by_component, np.sum(each.sum(axis=2) - runs * _times(s[:, None], B)[:, 0], axis=0)])
+        return information, 2 * score.real
 
-    def _others(
-        self, at: _Spectral, driven: ComplexArray, slopes: ComplexArray | None
-    ) -> tuple[ComplexArray, ComplexArray]:
-        """Return columns u and v of poles and of correlations, (f, k, p)."""
-        first, second = (at.sides[:, :, [pair[k] for pair in self.pairs]] for k in (0, 1))
-        if slopes is None:
-            return first, second
-        count, (lines, k, _) = slopes.shape[2], driven.shape
-        by_pole = at.sides[:, :, self.unknown, None] * slopes[:, None]
-        U = np.concatenate([by_pole.reshape(lines, k, -1), first], axis=2)
-        return U, np.concatenate([np.repeat(driven, count, axis=2), second], axis=2)
+    def information(
+        self, at: _Spectral, close: Sequence[int] = (), slopes: ComplexArray | None = None
+    ) -> tuple[RealArray, RealArray]:
+        """Return Fisher's information of all that is unknown along Q, and of shapes beside it.
 
-    def covariance(self, at: _Spectral, slopes: ComplexArray) -> RealArray:
-        """Return the covariance of phi, (l, l), with all else of `equations` unknown."""
-        built, k, root = self.equations(at, slopes), at.Q.shape[1], np.sqrt(self.noise)
-        inside, beside = (np.linalg.pinv(each, hermitian=True) for each in (built.inside, built.beside))
-        back = root[:, None] * at.Q
+        The sum of 2 Re (v_p* S^-1 u_q)(v_q* S^-1 u_p) + (v_p* S^-1 v_q)(u_q* S^-1 u_p) over lines and runs, by N^-1/2 phi in the
+        coordinates of Q, mode by mode, by poles, of which u = phi dh and v a column of A R, and by the correlations. Beside Q that of
+        shapes is one number a pair of modes, (m, m), the same in every direction: many outputs cost nothing.
+
+        `close`: modes besides itself that are unknown. `slopes` (f, m, e): of log h by what is unknown of each pole.
+        """
+        M, (lines, k, _) = [self.mode, *close], at.sides.shape
+        D, H, e = at.driven[:, :, M], self.h[:, M], 0 if slopes is None else slopes.shape[2]
+        by_shape = (at.root[:, :, None] * H[:, None, :, None]).reshape(lines, k, -1)
+        by_pole = at.sides[:, :, M, None] * (np.zeros((1, 1, 1, 0)) if slopes is None else slopes[:, None])
+        of_mode = at.sides[:, :, [self.mode] * len(self.beside)]
+        U = np.concatenate([by_shape, by_pole.reshape(lines, k, -1), of_mode], axis=2)
+        V = np.concatenate([np.repeat(D, k, axis=2), np.repeat(D, e, axis=2), at.sides[:, :, self.beside]], axis=2)
+        inside = np.zeros((U.shape[2], U.shape[2]))
+        for few in few_channels(U.shape[2] ** 2, lines, _NUMBERS_AT_A_TIME):
+            u, v = U[few], V[few]
+            pairs = (_times(v.swapaxes(1, 2), u),) * 2, (_times(v.swapaxes(1, 2), v), _times(u.swapaxes(1, 2), u))
+            inside += sum(np.einsum("fpq,fqp->pq", *pair).real for pair in pairs)
+        beside = np.einsum("fkj,fkm,fj,fm->jm", D.conj(), D, H, H.conj()).real
+        return 2 * len(self.Y) * inside, 2 * len(self.Y) * beside
+
+    def covariance(self, at: _Spectral, close: Sequence[int], slopes: ComplexArray) -> RealArray:
+        """Return the covariance of phi, (l, l), with all of `information` unknown."""
+        inside, beside = (np.linalg.pinv(each, hermitian=True) for each in self.information(at, close, slopes))
+        back, k = self.noise[:, None] * at.back, at.back.shape[1]
         return np.asarray(
             back @ (inside[:k, :k] - beside[0, 0] * np.eye(k)) @ back.T + beside[0, 0] * np.diag(self.noise)
         )
 
-    def moved(
-        self, shapes: RealArray, forces: RealArray, at: _Spectral, inside: RealArray, beside: RealArray
-    ) -> tuple[RealArray, RealArray]:
-        """Return shapes and correlations after a step."""
-        m, shapes, forces = len(self.unknown), shapes.copy(), forces.copy()
-        count = m * at.Q.shape[1]
-        change = inside[:count].reshape(m, -1) @ at.Q.T + beside
-        shapes[:, self.unknown] += np.sqrt(self.noise)[:, None] * change.T
-        if self.pairs:
-            i, k = np.array(self.pairs).T
-            forces[i, k] = np.clip(forces[i, k] + inside[count:], -_MAX_CORRELATION, _MAX_CORRELATION)
-            forces[k, i] = forces[i, k]
+    def moved(self, shapes: RealArray, forces: RealArray, step: RealArray) -> tuple[RealArray, RealArray]:
+        """Return shapes and correlations after a step of one shape and its correlations."""
+        l, j = len(shapes), self.mode
+        shapes, forces = shapes.copy(), forces.copy()
+        shapes[:, j] += step[:l]
+        forces[j, self.beside] = np.clip(forces[j, self.beside] + step[l:], -_MAX_CORRELATION, _MAX_CORRELATION)
+        forces[self.beside, j] = forces[j, self.beside]
         return shapes, forces
 
 
 def _times(rows: ComplexArray, columns: ComplexArray) -> ComplexArray:
     """Return the products of conjugate rows with columns on every line."""
-    return np.asarray(rows.conj().swapaxes(1, 2) @ columns)
-
-
-def _over_lines(one: ComplexArray, other: ComplexArray) -> RealArray:
-    """Return Re sum_f one_ij other_ab, (i, j, a, b)."""
-    flat = one.reshape(len(one), -1).T @ other.reshape(len(other), -1)
-    return np.asarray(flat.real.reshape(one.shape[1:] + other.shape[1:]))
+    return np.asarray(rows.conj() @ columns)
 
 
 def _scored(lines: _Lines, modes: ModalModel, shapes: RealArray, forces: RealArray, j: int) -> _Scored | None:
-    """Return the shape of one mode, and of those beside it, at the maximum of the likelihood of its lines; None where they are too few."""
+    """Return the shape of one mode at the maximum of the likelihood of its lines; None where they are too few."""
     near = _near(lines, modes, j)
     if near is None or not np.any(shapes[:, j]):
         return None
-    lobe, beside = _lobe_of(lines, modes, shapes, near, j)
+    power = np.sum(shapes**2, axis=0) * np.mean(lines.powers[:, near.own], axis=1)
+    beside = [int(k) for k in np.argsort(-power) if k != j and power[k] >= _MIN_POWER_BESIDE * power[j]][:_MAX_BESIDE]
+    lobe = _Lobe(lines.Y[:, near.own], lines.responses[:, near.own].T, near.noise, j, beside)
     at, damping = lobe.spectral(shapes, forces), _FIRST_DAMPING
     if at is None:
         return None
     for _ in range(_SCORING_STEPS):
-        built = lobe.equations(at)
+        information, score = lobe.equations(at)
         for _ in range(_MAX_SHORTENED):
-            *step, size = built.step(damping)
-            there = lobe.moved(shapes, forces, at, *step)
+            stiff = information + damping * np.diag(np.diag(information))
+            step = np.asarray(np.linalg.solve(stiff, score), dtype=np.float64)
+            there = lobe.moved(shapes, forces, step)
             new = lobe.spectral(*there) if np.linalg.eigvalsh(there[1])[0] > 0 else None
             if new is not None and new.cost < at.cost:
                 break
@@ -477,24 +450,14 @@ def _scored(lines: _Lines, modes: ModalModel, shapes: RealArray, forces: RealArr
         else:
             break
         (shapes, forces), at, damping = there, new, _FALL * damping
-        if size < _LAST_STEP**2:
-            break
     misfit = at.squares / lobe.Y.size
-    covariance = lobe.covariance(at, _slopes(lines.frequencies[near.own], modes.take(np.array(lobe.unknown))))
+    f, reach = modes.frequencies, np.ptp(lines.frequencies[near.own]) / 2
+    close = [k for k in beside if abs(f[k] - f[j]) < reach]
+    covariance = lobe.covariance(at, close, _slopes(lines.frequencies[near.own], modes.take(np.array([j, *close]))))
     unit = shapes[:, j] / np.linalg.norm(shapes[:, j])
     across = np.eye(len(unit)) - np.outer(unit, unit)
     variances = np.diag(across @ covariance @ across) * _lines_a_line(near.own, lines.correlated) * max(misfit, 1.0)
-    return _Scored(shapes[:, j], forces, beside, np.sqrt(np.maximum(variances, 0)), misfit)
-
-
-def _lobe_of(lines: _Lines, modes: ModalModel, shapes: RealArray, near: _Near, j: int) -> tuple[_Lobe, list[int]]:
-    """Return what is scored on the lines of a mode, and the modes that are strong there."""
-    power = np.sum(shapes**2, axis=0) * np.mean(lines.powers[:, near.own], axis=1)
-    beside = [int(k) for k in np.argsort(-power) if k != j and power[k] >= _MIN_POWER_BESIDE * power[j]][:_MAX_BESIDE]
-    f, reach = modes.frequencies, np.ptp(lines.frequencies[near.own]) / 2
-    unknown = [j, *(k for k in beside if abs(f[k] - f[j]) < reach)]
-    pairs = [*combinations(unknown, 2), *((j, k) for k in beside if k not in unknown)]
-    return _Lobe(lines.Y[:, near.own], lines.responses[:, near.own].T, near.noise, unknown, pairs), beside
+    return _Scored(shapes, forces, beside, np.sqrt(np.maximum(variances, 0)), misfit)
 
 
 def _slopes(lines: RealArray, modes: ModalModel) -> ComplexArray:
