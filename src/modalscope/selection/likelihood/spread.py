@@ -178,10 +178,7 @@ def _of_shapes(point: Point, fitted: Fitted, covariance: RealArray, own: RealArr
     scale = point.problem.varying if turned else point.problem.linear
     alone = np.zeros(shapes.shape) if turned else np.broadcast_to(own, shapes.shape)
     moved = _among_unknowns(point) if turned else _by_substitution(point, fitted)
-    each = [
-        scale * shape_deviations(shapes[:, j] / scale, alone[:, j], A, covariance)
-        for j, A in enumerate(moved)
-    ]
+    each = [scale * shape_deviations(shapes[:, j] / scale, alone[:, j], A, covariance) for j, A in enumerate(moved)]
     return np.stack(each, axis=1)
 
 
