@@ -42,7 +42,7 @@ def test_the_remedy_for_too_many_states_works() -> None:
     """The companion form of polyreference has more states than its order by default."""
     s = FIVE["chain5"]()
     frf = s.frequency_response(LINES, outputs=range(5))
-    with pytest.raises(DataError, match=r"order=10, .*block_rows=2"):
+    with pytest.raises(DataError, match=r"order=10; .*block_rows=2"):
         equations_of_motion(identify(frf, method="polyreference", domain="s", order=10).state_space)
     found = identify(frf, method="polyreference", domain="s", order=10, block_rows=2)
     assert relative(equations_of_motion(found.state_space).stiffness, s.stiffness) < 1e-8

@@ -25,7 +25,7 @@ BITS = Y > 0
         ({"outputs": BITS, "sampling_rate": 10.0}, "outputs in a.npz needs numbers, but it holds True and False"),
         ({"outputs": Y, "sampling_rate": True}, "sampling_rate in a.npz needs numbers"),
         ({"frequencies": BITS[:, 0], "values": Y[:, :, None]}, "frequencies in a.npz needs numbers"),
-        ({"t": np.arange(300) > 3, "acc": Y}, "the digits of the times"),
+        ({"t": np.arange(300) > 3, "acc": Y}, "the times in column 1, .t. have too few digits"),
     ],
 )
 def test_booleans_in_a_file_are_no_numbers(arrays: dict[str, Any], words: str, tmp_path: Path) -> None:

@@ -111,7 +111,7 @@ def test_all_uploads_together_are_bounded(fresh: Served, place: Path) -> None:
     dropped(fresh, b"x" * 60_000)
     code, _, answer = fresh.request("POST", "/api/upload?name=b.npz", b"x" * 40_001)
     assert code == 400
-    assert b"--forget" in answer
+    assert b"Delete recent documents" in answer
     assert stored(place) == 1
     dropped(fresh, b"x" * 40_000)  # what was refused takes no room
     assert fresh.store.files.total == 100_000
