@@ -175,6 +175,28 @@ def test_repeated_modes_are_two_and_a_mode_split_at_one_frequency_is_one() -> No
     assert len(_Cluster(alone, which).modes(alone.bar, ALONE).poles) == 1
 
 
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("q", "p"), [(4, 4), (6, 3)])
+def test_three_modes_that_overlap_are_not_two_that_shift(q: int, p: int, seed: int) -> None:
+    """One pole is far from explaining three, so that a part of what it lacks is no measure of two; and other modes stay in their places."""
+    rng, none = np.random.default_rng(seed), (np.zeros(q), np.zeros(p))
+    poles = POLE + 1j * abs(POLE.real) * np.array([0, 1.4, 1.95, -12, 12])
+    made = sum(shifting(rng.standard_normal(q), rng.standard_normal(p), *none, s) for s in poles)
+    assert hosts_near(recounted(np.asarray(made), poles)) == 3
+    # where all modes shift, two that do explain three poles
+    by_row, two = 0.25 * rng.standard_normal(q), poles[[0, 2, 3, 4]]
+    made = sum(shifting(rng.standard_normal(q), rng.standard_normal(p), by_row, none[1], s) for s in two)
+    assert hosts_near(recounted(np.asarray(made), poles)) == 2
+
+
+def hosts_near(recount: Recount) -> int:
+    """Return how many modes stand within five half bandwidths."""
+    found = copies_of(recount)
+    assert found is not None
+    near = np.abs(recount.descent.point.poles - POLE) < 5 * abs(POLE.real)
+    return len(set(found.host[near].tolist()))
+
+
 def test_of_a_pair_seen_by_one_sensor_a_mode_that_shifts_by_row_says_which_it_is() -> None:
     (u, _), (w, _), one = random_sides(3, 9), random_sides(4, 9), np.ones(1)
     other = POLE + 1.5j * abs(POLE.real)
@@ -217,7 +239,7 @@ def test_a_pair_that_shifts_has_the_poles_that_it_shifts_about(seed: int) -> Non
     recount = recounted(made, start)
     (which,) = clusters_of(recount.descent.point.poles)
     cluster, half = _Cluster(recount, which), abs(POLE.real)
-    centred, _ = cluster._centred(np.array([POLE, other]), 0.4 * np.array([half / abs(POLE), 1.0]))
+    centred = cluster._centred(np.array([POLE, other]), 0.4 * np.array([half / abs(POLE), 1.0])).poles
     shared = cluster.fitted(np.array([POLE, other])[:, None, None]).poles[:, 0, 0]
     true = np.array([POLE, other]) + 1j * half * shifts.mean()
     errors = [np.abs(each[np.argsort(each.imag)] - true).max() / half for each in (centred, shared)]

@@ -82,6 +82,19 @@ def test_orders_give_the_values_of_a_mode_that_they_show_near_enough(coloured: b
     assert near.members.size == group * len(ORDERS)
 
 
+@pytest.mark.parametrize(("frequency", "outside"), [(13.99, True), (14.01, False), (25.99, False), (26.01, True)])
+def test_a_damped_pole_stands_for_modes_outside_where_its_bandwidth_reaches_an_end_of_the_band(
+    frequency: float, outside: bool
+) -> None:
+    """Two half bandwidths of 2 Hz from the ends of 10 to 30 Hz; in coloured errors it may stand for anything anywhere."""
+    pole = 2 * np.pi * complex(-2.0, frequency)
+    for coloured in (False, True):
+        trial = SimpleNamespace(
+            selection=SimpleNamespace(coloured=coloured, band=(10.0, 30.0)), contest=SimpleNamespace(poles=[pole])
+        )
+        assert verdict._may_stand_outside(trial, 0) is (outside or coloured)  # type: ignore[arg-type]
+
+
 def test_the_noise_gain_is_the_bound_in_deviations() -> None:
     trial, _ = trial_of(*ALL)
     assert trial.bar == pytest.approx(np.sqrt(trial.selection.bar / 2))

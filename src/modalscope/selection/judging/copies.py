@@ -14,6 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
@@ -192,6 +193,14 @@ class _Fit:
         return np.where(found > _ROUNDING, found, 0.0)
 
 
+class _Centred(NamedTuple):
+    """Modes that shift about poles (m,) with normal shifts, and the misfit of the data and of the shifts, in variances."""
+
+    poles: ComplexArray
+    fit: _Fit
+    cost: float
+
+
 @dataclass(frozen=True, eq=False, slots=True)
 class _Modes:
     """The modes of a cluster: poles (m,) that all channels share, `shifts` (2,), and what they explain while they shift, see `Copies`."""
@@ -322,8 +331,10 @@ class _Cluster:
     def modes(self, bar: float, scatters: RealArray, place: int = 0) -> _Modes:
         """Return the fewest modes that, each free to shift, explain what all poles of the cluster do.
 
-        J(S_m) <= J(P_n) + bar + 2 q p (n - m - 1) / factor + .05 (J(P_1) - J(P_n)): the third term is what errors may give the poles that
-        are left out. A single mode may not scatter by more than five times what the median other mode does, see `_usually`.
+        J(S_m) <= J(P_n) + bar + 2 q p (n - m - 1) / factor + .05 (J(P_m) - J(P_n)): the third term is what errors may give the poles that
+        are left out, the last one what shifts may lack of what further poles explain beyond m. A single mode may not scatter by more than
+        five times what the median other mode does, see `_usually`; the misfit of several has the price of their shifts in it, see
+        `_centred`: where other modes stay in their places, so do these.
 
         `scatters`: of all modes of the test, this one at a `place`; see `_scatters`.
         """
@@ -335,17 +346,22 @@ class _Cluster:
             strongest = np.argsort(-self._size(shared), kind="stable")[:rank]
             return _Modes(one.means if rank == 1 else s[strongest], np.zeros(2), 1.0)
         begun, found = [int(np.argmax(self._size(shared)))], self.as_one()
-        most = _MAX_SCATTER * _usually(scatters, place, found.scatter(0))
         usual = np.maximum(np.median(_beyond_noise(scatters), axis=0), [0, _LEAST_SHIFT])
+        centres, fewer = found.means, one
+        cost = found.misfit if self._usual_scatter(found, scatters, place) else np.inf
         for m in range(1, len(s)):
-            room = bar + 2 * q * p * (len(s) - m - 1) / self.factor + _MAX_LACKING * gained
-            within = m > 1 or bool(np.any(found.scatter(0) <= most))
-            if found.misfit <= shared.misfit + room and within:
-                poles = found.means if m == 1 else self._centred(s[begun], usual)[0]
-                return _Modes(poles, found.shifts(), float((one.misfit - found.misfit) / max(gained, 1e-300)))
-            begun = self._next(begun, usual)
-            found = self._shifting(dict.fromkeys(_WAYS, s[begun][:, None, None]))
+            room = bar + 2 * q * p * (len(s) - m - 1) / self.factor + _MAX_LACKING * (fewer.misfit - shared.misfit)
+            if cost <= shared.misfit + room:
+                return _Modes(centres, found.shifts(), float((one.misfit - found.misfit) / max(gained, 1e-300)))
+            begun, (centres, found, cost) = self._next(begun, usual)
+            fewer = self.fitted(s[begun][:, None, None])
         return _Modes(s, np.zeros(2), 1.0)
+
+    @staticmethod
+    def _usual_scatter(one: _Fit, scatters: RealArray, place: int) -> bool:
+        """Return whether a single mode scatters by no more than five times what the median other mode does, see `_usually`."""
+        own = one.scatter(0)
+        return bool(np.any(own <= _MAX_SCATTER * _usually(scatters, place, own)))
 
     def _rank(self, one: _Fit) -> int:
         """Return the rank of the residue of one pole: of repeated modes it has one for each.
@@ -393,15 +409,15 @@ class _Cluster:
         """Return the energy of every mode of a fit whose poles all channels share, but for a factor, (m,)."""
         return np.asarray(np.sum(np.abs(fit.residues) ** 2, axis=(1, 2)) / -fit.poles[:, 0, 0].real)
 
-    def _next(self, begun: list[int], usual: RealArray) -> list[int]:
-        """Return poles with a further one, that with which the shifts of all are likeliest."""
+    def _next(self, begun: list[int], usual: RealArray) -> tuple[list[int], _Centred]:
+        """Return poles with a further one, that with which the shifts of all are likeliest, and modes that shift about these."""
         tries = [[*begun, k] for k in range(len(self.which)) if k not in begun]
-        if len(tries) == 1:
-            return tries[0]
-        return min(tries, key=lambda which: self._centred(self.poles[self.which[which]], usual)[1])
+        found = [self._centred(self.poles[self.which[which]], usual) for which in tries]
+        best = min(range(len(tries)), key=lambda k: found[k].cost)
+        return tries[best], found[best]
 
-    def _centred(self, start: ComplexArray, usual: RealArray) -> tuple[ComplexArray, float]:
-        """Return poles c (m,) that modes shift about, and their misfit with the shifts': they are as likely as normal ones.
+    def _centred(self, start: ComplexArray, usual: RealArray) -> _Centred:
+        """Return modes that shift about poles c (m,): shifts are as likely as normal ones.
 
         min J(c_k + a_k,i + b_k,j) + sum (|a|^2 + |b|^2) / v_k, v that of the median mode of the test. Poles that all channels share are
         biased by shifts, and means of free shifts by rows that show one mode alone.
@@ -430,7 +446,9 @@ class _Cluster:
                     break
             elif (damping := damping * 10) > _MAX_DAMPING_OF_STEPS:
                 break
-        return c[:, 0, 0], cost
+        misfit, poles = float(at.left.sum() / self.factor), np.broadcast_to(c + a + b, (m, q, p))
+        fit = _Fit(misfit, np.array(poles), at.residues.T.reshape(m, q, p))
+        return _Centred(c[:, 0, 0], fit, cost)
 
     def _cost(self, at: _Point, a: ComplexArray, b: ComplexArray, precision: RealArray) -> float:
         size = np.sum(np.abs(a) ** 2, axis=(1, 2)) + np.sum(np.abs(b) ** 2, axis=(1, 2))

@@ -337,7 +337,7 @@ def _with_significant_peaks(
         if not gone.size:
             gone = added[ratio <= min(1.0, ratio.min(initial=np.inf))]
         if not gone.size:
-            return State(descent, state.variance, state.selection), recount, rounds
+            return (State(descent, state.variance, state.selection), recount, rounds) if new.any() else None
         kept = np.setdiff1d(np.arange(len(rounds)), gone)
         candidates, rounds = (point.poles[kept], point.sides[kept]), rounds[kept]
         del descent, point, recount  # before the next take their room

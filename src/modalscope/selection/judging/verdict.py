@@ -110,6 +110,9 @@ _MAX_DISTANCE_COLOURED = 0.5
 #: A cluster shows a mode within a half bandwidth, this relative damping difference, and above this MAC.
 _MAX_DAMPING_DIFFERENCE, _MIN_MAC = 0.5, 0.8
 
+#: A pole that stands for modes outside the band has an end of it within so many half bandwidths.
+_REACH_OF_OUTSIDE = 2.0
+
 #: Minimum share of the orders that show a mode under coloured errors.
 _MIN_SHARE_OF_ORDERS = 0.25
 
@@ -323,7 +326,7 @@ def _mode(
         few_orders = rarely_shown(int(best.members.size), len(trial.poles.orders))
         against.append(few_orders if rare else too_little(gain, trial.bar, coloured=True))
     apart, damped = (deviation * trial.gain[j] / gain for deviation in trial.left_open(j))
-    if zeta >= MAX_DAMPING_OF_RESONANCES and not groups:
+    if zeta >= MAX_DAMPING_OF_RESONANCES and not groups and _may_stand_outside(trial, j):
         against.append(f"damping {percent(zeta, 2)}, not found in the diagram: may represent modes outside the band")
     if not (apart < _MAX_DEVIATION and damped < _MAX_DEVIATION):
         shown = _at_peak(trial, j, best, fit) if trial.selection.coloured else None
@@ -342,6 +345,15 @@ def _mode(
     residue = trial.residue(best, np.flatnonzero(host == j))
     known = replace(best, against=tuple(against), facts=best.facts | _alone(trial, j) | undecided, residue=residue)
     return _with_gain(trial, known, gain)
+
+
+def _may_stand_outside(trial: SelectionResult, j: int) -> bool:
+    """Return whether a pole may stand for modes outside the band: in white errors those do whose bandwidth reaches an end of it."""
+    if trial.selection.coloured:
+        return True
+    s, (low, high) = trial.contest.poles[j], trial.selection.band
+    f, half = s.imag / (2 * np.pi), -s.real / (2 * np.pi)
+    return bool(min(f - low, high - f) < _REACH_OF_OUTSIDE * half)
 
 
 def _at_peak(trial: SelectionResult, j: int, best: Candidate, fit: float) -> Candidate | None:
