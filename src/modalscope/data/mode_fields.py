@@ -63,7 +63,7 @@ DERIVED = (
     "reason",
 )
 
-#: Fields that hold one number an output and input, or nothing: they belong to no mode.
+#: Fields that hold one number per output and input, or nothing: they belong to no mode.
 DIRECT = ("feedthrough", "lower_residual", "upper_residual")
 
 
@@ -200,9 +200,7 @@ class ModeFields(Channels, HasPoles):
             What it is needed for.
         """
         if self.participation is None:
-            raise DataError(
-                f"{asked} was asked", "participation is not known", "Identify from data with inputs or references."
-            )
+            raise DataError(f"{asked}:", "participation is not known", "Identify from data with inputs or references.")
         return self.participation
 
     def _cut(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
@@ -234,7 +232,7 @@ def mode_indices(which: ArrayLike, count: int) -> IntArray:
         )
     if index.min() < -count or index.max() >= count:
         raise DataError(
-            f"mode {index.max() if index.max() >= count else index.min()} was asked",
+            f"mode {index.max() if index.max() >= count else index.min()}:",
             f"there are {count}, counted from 0",
             "Choose others.",
         )

@@ -175,7 +175,7 @@ class _Row:
             return cls(**known)
         except TypeError:  # an entry that has no default
             have = f"its entries are {', '.join(entries)}"
-            raise DataError(f"a {cls.__name__} was asked", have, "Write the file again.") from None
+            raise DataError(f"a {cls.__name__}:", have, "Write the file again.") from None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)

@@ -120,7 +120,7 @@ class ResidualTerms:
             )
         except (KeyError, ValueError) as error:
             raise DataError(
-                "residual terms were asked", f"their entries are damaged ({error})", "Write the file again."
+                "residual terms:", f"their entries are damaged ({error})", "Write the file again."
             ) from error
 
     @classmethod

@@ -43,7 +43,7 @@ class Shown:
         """
         if ax is not None and not hasattr(ax, "transData"):
             found = f"ax is {type(ax).__name__}"
-            raise DataError("a picture was asked", found, "Give Matplotlib axes, or leave ax out.")
+            raise DataError("a picture:", found, "Give Matplotlib axes, or leave ax out.")
         return handed("drawn")(self, ax)
 
     def _repr_html_(self) -> str:

@@ -280,7 +280,7 @@ def write(path: Path, thing: DataObject, options: Options) -> None:
             notes["quantities"] = ", ".join(quantity or "" for quantity in thing.quantities)
     else:
         fault = "there is no such table"
-        raise DataError(f"writing {type(thing).__name__} as .csv was asked", fault, "Use .npz, .h5 or .uff.")
+        raise DataError(f"writing {type(thing).__name__} as .csv:", fault, "Use .npz, .h5 or .uff.")
     _check_header(path, thing, table[0])
     _put(path, notes, *table)
 
@@ -296,7 +296,7 @@ def _check_header(path: Path, thing: Signals | Response, header: Sequence[str]) 
     if not restored:
         labels = (*thing.output_dofs, *thing.input_dofs, *thing.units[0], *thing.units[1])
         odd = [repr(label) for label in dict.fromkeys(labels) if not _PLAIN.fullmatch(label)]
-        asked = f"writing the labels and units {', '.join(odd or map(repr, labels))} as .csv was asked"
+        asked = f"writing the labels and units {', '.join(odd or map(repr, labels))} as .csv:"
         raise DataError(asked, "its header of columns would not give them back", "Rename them, or use .npz or .h5.")
 
 
@@ -320,7 +320,7 @@ def _pair(thing: Any, i: int, j: int) -> str:
 def _impulse_table(response: ImpulseResponse) -> tuple[list[str], list[list[float]]]:
     if response.feedthrough is not None:
         fault = "its direct term has no column there"
-        raise DataError("writing an impulse response as .csv was asked", fault, "Use .npz, .h5 or .uff.")
+        raise DataError("writing an impulse response as .csv:", fault, "Use .npz, .h5 or .uff.")
     _, outputs, inputs = response.values.shape
     header = ["time_s", *(_pair(response, i, j) for i in range(outputs) for j in range(inputs))]
     return header, np.column_stack([response.times, response.values.reshape(response.samples, -1)]).tolist()
@@ -337,7 +337,7 @@ def _frequency_table(frf: FrequencyResponse) -> tuple[list[str], list[list[float
 def _record_table(record: Signals) -> tuple[list[str], list[list[float]]]:
     if record.runs > 1:
         fault = f"there are {record.runs} runs, and a table holds one"
-        raise DataError("writing records as .csv was asked", fault, "Use .npz or .h5, or write each run alone.")
+        raise DataError("writing records as .csv:", fault, "Use .npz or .h5, or write each run alone.")
     outputs, inputs = record.by_run()
     sides = [("out", label, unit) for label, unit in zip(record.output_dofs, record.units[0], strict=True)]
     sides += [("in", label, unit) for label, unit in zip(record.input_dofs, record.units[1], strict=True)]

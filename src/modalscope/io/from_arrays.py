@@ -66,7 +66,7 @@ def contents_from_arrays(
     absent = sorted((set(rename) | ignore) - set().union(*names.values()))
     if absent:
         fault = f"{where} holds {_listed(arrays)}"
-        raise DataError(f"rename or ignore of {', '.join(absent)} was asked", fault, "Name arrays that are there.")
+        raise DataError(f"rename or ignore of {', '.join(absent)}:", fault, "Name arrays that are there.")
     taken = {name: array for name, array in arrays.items() if not names[name] & ignore}
     findings = [Finding(part=name, what=_shape(array)) for name, array in taken.items()]
     findings += [
@@ -88,7 +88,7 @@ def contents_from_arrays(
 
 def _refuse_rows(where: str, options: Options) -> None:
     if options.get("rows") is not None:
-        raise DataError(f"rows of {where} were asked", "it is no table", "Cut its arrays before they are saved.")
+        raise DataError(f"rows of {where}:", "it is no table", "Cut its arrays before they are saved.")
 
 
 def _without_lists(where: str, lists: Lists, findings: list[Finding], options: Options) -> Contents:
@@ -209,7 +209,7 @@ def _with_axes(arrays: dict[str, Array], data_class: type[Any], axes: dict[str, 
             shape = f"its shape is {arrays[name].shape}" if name in arrays else "there is no such array"
             fault = f"{shape}, and its axes may be {', '.join(wanted) or 'none'}"
             remedy = "Name each axis of the stored array once, in its order."
-            raise DataError(f"axes={{{name!r}: {' '.join(stored)!r}}} was asked", fault, remedy)
+            raise DataError(f"axes={{{name!r}: {' '.join(stored)!r}}}:", fault, remedy)
         array = np.transpose(arrays[name], [stored.index(axis) for axis in wanted if axis in stored])
         array = np.expand_dims(array, [i for i, axis in enumerate(wanted) if axis not in stored])
         arrays[name] = array[0] if wanted[0] == "runs" and "runs" not in stored else array
@@ -260,4 +260,4 @@ def _check_fields(where: str, data_class: type[Any], values: dict[str, Any], giv
     refused = sorted(set(given) - present - {"quantity"})
     if refused:
         fault = f"a {data_class.__name__} has no such field"
-        raise DataError(f"the options {', '.join(refused)} were asked", fault, "Leave them out.")
+        raise DataError(f"the options {', '.join(refused)}:", fault, "Leave them out.")

@@ -74,11 +74,11 @@ def with_geometry(options: Options, load: Callable[[Path], Any]) -> tuple[dict[s
     if not 1 <= len(paths) <= 2:
         fault = "it is no Geometry, path, or pair of paths of points and lines"
         remedy = 'Give geometry="points.csv" or geometry=("points.csv", "lines.csv").'
-        raise DataError(f"geometry={given!r} was asked", fault, remedy)
+        raise DataError(f"geometry={given!r}:", fault, remedy)
     points, *lines = (check_path(path) for path in paths)
     missing = next((path for path in (points, *lines) if not path.is_file()), None)
     if missing is not None:
-        asked = f"the geometry in {missing.name} was asked"
+        asked = f"the geometry in {missing.name}:"
         raise DataError(asked, "there is no such file", "Check the name and the folder.")
     if points.suffix.lower() in TABLES:
         geometry: Any = geometry_of_tables(points, lines[0] if lines else None)
@@ -86,7 +86,7 @@ def with_geometry(options: Options, load: Callable[[Path], Any]) -> tuple[dict[s
         data = load(points)
         geometry = data if isinstance(data, Geometry) else getattr(data, "geometry", None)
     if geometry is None:
-        asked = f"a geometry from {points.name} was asked"
+        asked = f"a geometry from {points.name}:"
         raise DataError(asked, "it holds none", "Give a table of points: node,x,y,z, or another file.")
     if geometry.lines.size or geometry.faces.size or len(geometry.nodes) < 2:
         return {**options, "geometry": geometry}, ()

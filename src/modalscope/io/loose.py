@@ -383,7 +383,7 @@ def _stored_axes(array: Array, samples: int) -> str:
 
 
 def _as_channels(evidence: _Evidence, arrays: Mapping[str, Array], forces: list[str]) -> str:
-    """Return how `--columns` says that forces are inputs, one a column."""
+    """Return how `--columns` says that forces are inputs, one per column."""
     place, ins = 1 + (evidence.axis is not None), []
     for name, array in arrays.items():
         width = array[0].size

@@ -92,12 +92,12 @@ def by_pair(functions: Sequence[Function], out: Sorted, repeated: str | None) ->
         if before is not None and repeated is None:
             fault = f"{key[0]} / {key[1]} was measured twice: in {before.part} and in {function.part}"
             remedy = 'Give repeated="first" or repeated="last", or leave one out of the export.'
-            raise DataError(f"one {function.words} for each pair of dofs was asked", fault, remedy)
+            raise DataError(f"one {function.words} for each pair of dofs:", fault, remedy)
         if before is None or repeated == "last":
             pairs[key] = function
         if before is not None:
-            lost, asked = before if repeated == "last" else function, f'repeated="{repeated}" was asked'
-            out.left[lost.place] = f"{key[0]} / {key[1]} was measured more than once and {asked}"
+            lost = before if repeated == "last" else function
+            out.left[lost.place] = f'{key[0]} / {key[1]} was measured more than once: repeated="{repeated}"'
     return pairs
 
 
@@ -245,7 +245,7 @@ def _evenly(functions: Sequence[Function], out: Sorted, what: str) -> list[Funct
     even = [function for function in functions if _rate_of(function, out) is not None]
     if not even:
         fault = next(iter(out.left.values()))
-        raise DataError(f"{what} were asked", fault, "Resample them evenly before they are exported.")
+        raise DataError(f"{what}:", fault, "Resample them evenly before they are exported.")
     return even
 
 
@@ -291,7 +291,7 @@ def _commonest(kinds: Counter[str]) -> str:
     if rest and rest[0][1] == first[1]:
         counts = " and ".join(f"{count} {kind} responses" for kind, count in kinds.items())
         remedy = f'Choose one, read(..., kind="{first[0]}"), and read the other by itself.'
-        raise DataError("impulse responses of one kind were asked", f"the file holds {counts}", remedy)
+        raise DataError("impulse responses of one kind:", f"the file holds {counts}", remedy)
     return first[0]
 
 
@@ -318,7 +318,7 @@ def sort_records(functions: Sequence[Function], options: dict[str, Any], si: boo
         counts = ", ".join([f"{label} {len(fs)}" for side in sides for label, fs in side.items()][:12])
         fault = f"the file does not hold every channel equally often: {counts}"
         remedy = "Export every channel of every run, and nothing else."
-        raise DataError("records of whole runs were asked", fault, remedy)
+        raise DataError("records of whole runs:", fault, remedy)
     count = runs.pop()
     first = [[fs[0] for fs in side.values()] for side in sides]
     out.thing = Signals(
