@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 from scipy.special import stdtrit
 
 from modalscope.data.channels import Channels, check_quantity, derivatives_between, source_of
-from modalscope.data.notes import Candidate, Harmonic, Note, candidates_of, harmonics_of, notes_of
-from modalscope.data.residual_terms import ResidualTerms, residual_terms_of
+from modalscope.data.notes import Candidate, Harmonic, Note, notes_of, rows_of
+from modalscope.data.residual_terms import ResidualTerms
 from modalscope.data.shown import figures
 from modalscope.numerics.checks import (
     BoolArray,
@@ -125,7 +125,7 @@ class ModeFields(Channels, HasPoles):
         ):
             if count != n:
                 raise DataError(f"{name} needs one entry per mode, {n}", f"it has {count}", "Give all, or none.")
-        terms = residual_terms_of(self.residual_terms)
+        terms = rows_of("residual_terms", ResidualTerms, self.residual_terms)
         if any(each.channels != channels for each in terms):
             have = f"they have {terms[0].channels[0]} outputs and {terms[0].channels[1]} inputs"
             raise DataError("residual terms need the channels of the modes", have, "Fit them again, or leave them out.")
@@ -148,8 +148,8 @@ class ModeFields(Channels, HasPoles):
             residual_terms=terms,
             quantity=check_quantity(self.quantity),
             notes=notes_of(self.notes),
-            left_out=candidates_of(self.left_out),
-            harmonics=harmonics_of(self.harmonics),
+            left_out=rows_of("left_out", Candidate, self.left_out),
+            harmonics=rows_of("harmonics", Harmonic, self.harmonics),
         )
         self._label(len(shapes), channels[1] or 0)
 

@@ -212,8 +212,7 @@ def _pairs(table: _Table, parts: tuple[str, ...]) -> dict[str, Any]:
     missing = [f"{part} {' / '.join(pair)}".strip() for pair, of in found.items() for part in parts if part not in of]
     if missing or not found:
         fault = f"missing: {', '.join(missing[:5]) or 'all'}"
-        remedy = "Add them, or leave out that channel."
-        raise needs(table.where, "a column for every output and input", fault, remedy)
+        raise needs(table.where, "a column for every output and input", fault, "Add them, or leave out that channel.")
     responses = {p: (joined(of["real"], of["imag"]) if len(parts) > 1 else of[""], units[p]) for p, of in found.items()}
     outputs, inputs, units_of, values = matrix_of(table.where, responses)
     return {"values": values, "output_dofs": outputs, "input_dofs": inputs, "units": units_of}
@@ -279,8 +278,7 @@ def write(path: Path, thing: DataObject, options: Options) -> None:
         if any(thing.quantities):
             notes["quantities"] = ", ".join(quantity or "" for quantity in thing.quantities)
     else:
-        fault = "there is no such table"
-        raise DataError(f"writing {type(thing).__name__} as .csv:", fault, "Use .npz, .h5 or .uff.")
+        raise DataError(f"writing {type(thing).__name__} as .csv:", "there is no such table", "Use .npz, .h5 or .uff.")
     _check_header(path, thing, table[0])
     _put(path, notes, *table)
 

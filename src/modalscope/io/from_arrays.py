@@ -5,18 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from difflib import get_close_matches
-from itertools import islice
+from itertools import chain, islice
 from typing import Any
 
 import numpy as np
 
-from modalscope.data import DataError, FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Signals, StateSpace
+from modalscope.data import DataError, Geometry, ModalModel, Signals, StateSpace
 from modalscope.data.shown import counted
 from modalscope.io.arrays import (
     AXES,
     FIELD_FAULTS,
     GEOMETRY,
     INDICATOR,
+    NEEDED,
     UNREFINED,
     class_of,
     field_value,
@@ -31,15 +32,6 @@ from modalscope.io.members import Lists, experiments_of, lists_of, names_selecti
 from modalscope.io.options import FIELDS
 from modalscope.numerics.checks import Array
 
-#: The arrays without which there is no such data object.
-_NEEDED: dict[type[Any], set[str]] = {
-    FrequencyResponse: {"frequencies", "values"},
-    ImpulseResponse: {"sampling_rate", "values"},
-    Signals: {"sampling_rate", "outputs"},
-    ModalModel: {"poles", "shapes"},
-    StateSpace: {"A", "B", "C"},
-    Geometry: set(),
-}
 #: Names of arrays in a message, and how alike a name is to the one that it may be meant for.
 _MAX_NAMES, _SPELLING = 12, 0.8
 
@@ -128,7 +120,7 @@ def _by_evidence(
 ) -> Contents:
     """Return the data that arrays of other names hold by names and shapes, or raise where these say nothing."""
     given = {name for name in FIELDS if options.get(name) is not None}
-    complete = data_class is not None and _NEEDED[data_class] <= {*arrays, *given}
+    complete = data_class is not None and {*NEEDED[data_class][1]} <= {*arrays, *given}
     notes: tuple[str, ...] = ()
     if not complete:
         plain = {name: array.astype(np.uint8) if array.dtype == bool else array for name, array in arrays.items()}
@@ -251,9 +243,8 @@ def _build(where: str, data_class: type[Any], arrays: dict[str, Array], given: d
 def _check_fields(where: str, data_class: type[Any], values: dict[str, Any], given: dict[str, Any]) -> None:
     """Raise where a field that the data class needs is missing, or one was asked for that it does not have."""
     present = {f.name for f in fields(data_class)}
-    needed = sorted(present & {"values", "frequencies", "sampling_rate", "outputs", "poles", "shapes"})
-    free = {"sampling_rate"} if data_class is FrequencyResponse else set()
-    missing = [name for name in needed if name not in values and name not in free]
+    needed = sorted(chain(*NEEDED[data_class]))
+    missing = [name for name in needed if name not in values]
     if missing:
         asked = f"reading {where} as {data_class.__name__} needs {', '.join(needed)}"
         raise DataError(asked, f"{', '.join(missing)} are missing", "Add the array, or give it as an option.")

@@ -73,8 +73,7 @@ def _check_names(what: str, given: Mapping[str, Any], known: tuple[str, ...]) ->
     """Raise for names that the page does not set; `what`: what was asked, with a place for them."""
     unknown = sorted(set(given) - set(known))
     if unknown:
-        asked = f"{what.format(', '.join(unknown))}:"
-        raise DataError(asked, f"the page sets {', '.join(known)}", "Use one of these.")
+        raise DataError(f"{what.format(', '.join(unknown))}:", f"the page sets {', '.join(known)}", "Use one of these.")
 
 
 def take(document: Analysis, frequency: float) -> Analysis:

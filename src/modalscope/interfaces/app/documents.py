@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -85,8 +85,7 @@ class DocumentStore:
     async def open(self, names: list[str]) -> OpenDocument:
         """Open listed files, uploads, or a document; several files are parts of one test."""
         if not names:
-            remedy = "Choose a listed file, or drop one on the page."
-            raise DataError("opening a file:", "none was named", remedy)
+            raise DataError("opening a file:", "none was named", "Choose a listed file, or drop one on the page.")
         paths = [self.files.resolve(name) for name in names]
         if len(paths) == 1 and paths[0].name.lower().endswith(_DOCUMENT):
             document = self._of_paths(read_analysis(paths[0]), paths[0].parent)
@@ -99,7 +98,9 @@ class DocumentStore:
                 fault = "it is a geometry: points, and no measurement"
                 raise DataError(f"opening {paths[0].name}:", fault, "Drop the measurement with it, together.")
             reading = {"geometry": tuple(map(str, geometry))} if geometry else {}
-            document = Analysis(files=tuple([await asyncio.to_thread(hashed, path, reading) for path in paths]))
+            from modalscope.analysis.workflow.sources import source_of_file
+
+            document = Analysis(files=tuple([await asyncio.to_thread(source_of_file, p, reading) for p in paths]))
         if len(self._open) >= self.limits.documents:
             most = f"at most {self.limits.documents} documents are open together"
             raise DataError(most, f"{len(self._open)} are open", "Close some.")
@@ -194,10 +195,3 @@ class DocumentStore:
             opened.rest()
             opened.windows.send({"type": "ended"})
         self.pool.close()
-
-
-def hashed(path: Path, reading: Mapping[str, Any]) -> SourceFile:
-    """Return size and hash of a file that is read with these options."""
-    from modalscope.analysis.workflow.sources import source_of_file
-
-    return source_of_file(path, reading)

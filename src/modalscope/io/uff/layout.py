@@ -88,9 +88,7 @@ def form(record: Record, values: Mapping[str, Any]) -> str:
         text = text.rjust(width)
         if len(text) > width:
             asked = f"writing {name} = {values.get(name)} to a universal file:"
-            raise DataError(
-                asked, f"it has {_COLUMNS_OF_UNIT} columns there", "Choose a smaller number, or another format."
-            )
+            raise DataError(asked, f"it has {width} columns there", "Choose a smaller number, or another format.")
         line += text
     return line
 

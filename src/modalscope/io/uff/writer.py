@@ -109,8 +109,7 @@ def _impulse(irf: ImpulseResponse) -> list[Function]:
     if irf.feedthrough is not None:
         if irf.kind not in ("pulse", "correlation") or irf.first_sample:
             fault = f"it has a direct term and begins {irf.first_sample} samples late, which has no place there"
-            asked = f"writing a {irf.kind} response to a universal file:"
-            raise DataError(asked, fault, "Write .npz or .h5.")
+            raise DataError(f"writing a {irf.kind} response to a universal file:", fault, "Write .npz or .h5.")
         values, times = np.concatenate([irf.feedthrough[None], values]), np.arange(irf.samples + 1) / irf.sampling_rate
     kind = _CORRELATION if irf.kind == "correlation" else _TIME
     texts = (f"impulse response: {irf.kind}",)

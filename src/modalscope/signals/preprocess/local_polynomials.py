@@ -108,8 +108,7 @@ def local_models(signals: Signals, kind: str = "lrm", degree: int = 2, half_widt
     if n < least or lines < 2 * n + 1:
         asked = f"a local model of degree {degree} on {2 * n + 1} lines of {runs} runs:"
         have = f"it has {unknowns} unknowns in {min(lines, 2 * n + 1) * runs} equations; the runs have {lines} lines"
-        change = f"Give half_width={max(least, 1)} or more, lower the degree, or measure longer."
-        raise DataError(asked, have, change)
+        raise DataError(asked, have, f"Give half_width={max(least, 1)} or more, lower the degree, or measure longer.")
     solve = _rational if kind == "lrm" else _polynomial
     parts = []
     step = max(1, _MAX_NUMBERS // (runs * (2 * n + 1) * (unknowns + Y.shape[2])))
