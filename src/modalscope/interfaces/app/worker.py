@@ -13,7 +13,6 @@ from zipfile import ZIP_DEFLATED, ZipFile
 from modalscope.analysis.workflow.realize import realize
 from modalscope.data import DataError, ModalModel
 from modalscope.data.analysis import Analysis, named_near
-from modalscope.interfaces.app.files import FORMATS
 from modalscope.interfaces.app.steps import Stages
 from modalscope.interfaces.plot.picture import Picture
 from modalscope.interfaces.plot.web.blob import picture_blob
@@ -36,10 +35,8 @@ def channel(stages: Stages, progress: Progress, output: int | None = None, colum
 
 
 def export(stages: Stages, progress: Progress, suffix: str, target: str, mode: int = 0) -> Path:
-    """Write the result in one of `FORMATS`, as the command line does, to the file `target`; `mode`: the one of a film."""
+    """Write the result in one of the page's formats, as the command line does, to the file `target`; `mode`: the one of a film."""
     result, path = named_in(stages.finished()), Path(target)
-    if suffix not in FORMATS:
-        raise DataError(f"{suffix}:", f"the formats are {', '.join(FORMATS)}", "Choose one of these.")
     if suffix in (".html", ".docx", ".pptx"):
         from modalscope.interfaces.reporting import report
 

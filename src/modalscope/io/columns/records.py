@@ -90,7 +90,7 @@ def records(
         outputs=_stacked(others),
         inputs=_stacked(forces) if forces else None,
         sampling_rate=rate,
-        quantities=tuple(kind if (kind := kind_of_unit(column.unit)) in QUANTITIES else None for column in others),
+        quantities=tuple(k if (k := kind_of_unit(c.unit)) in QUANTITIES else table.quantity for c in others),
         output_dofs=tuple(_labels(others, channels, notes)),
         input_dofs=tuple(_labels(forces, channels, notes)),
         units=(tuple(column.unit for column in others), tuple(column.unit for column in forces)),
