@@ -272,9 +272,8 @@ def _unbiased(signals: Signals | StoredSignals, references: list[int], lags: int
     check_size(signals)
     sums = LagSum(len(signals.output_dofs), references, lags)
     for y in signals.by_run()[0]:
-        of_run = LagSum(sums.channels, references, lags, y.mean(axis=0))
-        of_run.add(y)
-        sums.merge(of_run)
+        sums.mean = y.mean(axis=0)
+        sums.add(y)
     return sums.finish() / (signals.runs * (signals.samples - np.arange(lags + 1)))[:, None, None]
 
 
