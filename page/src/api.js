@@ -4,7 +4,7 @@ import { unpack } from "./blob.js";
 export class Refused extends Error {
   /** @param {{asked?: string, found?: string, change?: string, text?: string}} parts @param {number} status */
   constructor(parts, status) {
-    super(parts.text ?? `${parts.asked}, but ${parts.found}.`);
+    super(parts.text ?? `${parts.asked}${parts.asked?.endsWith(":") ? "" : ", but"} ${parts.found}.`);
     this.parts = parts;
     this.status = status;
   }
@@ -47,7 +47,7 @@ export function upload(file, progress) {
       if (request.status === 200) resolve(parts.file);
       else reject(new Refused(parts, request.status));
     };
-    request.onerror = () => reject(new Refused({ asked: `uploading ${file.name} was asked`, found: "the server rejected it", change: "Check its size, and whether the server is running." }, 0));
+    request.onerror = () => reject(new Refused({ asked: `uploading ${file.name}:`, found: "the server rejected it", change: "Check its size, and whether the server is running." }, 0));
     request.responseType = "json";
     request.send(file);
   });

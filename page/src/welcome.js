@@ -29,7 +29,7 @@ export function makeWelcome(root, begin, with_) {
       progress.hidden = false;
       const names = [];
       for (const file of files) {
-        if (file.size > begin.upload) throw new api.Refused({ asked: `uploading ${file.name} was asked`, found: `it has more than ${begin.upload / 1e6} MB`, change: "Start the page in its folder and choose it there." }, 400);
+        if (file.size > begin.upload) throw new api.Refused({ asked: `uploading ${file.name}:`, found: `it has more than ${begin.upload / 1e6} MB`, change: "Start the page in its folder and choose it there." }, 400);
         names.push(await api.upload(file, (share) => (bar.style.width = `${100 * share}%`)));
       }
       await open(names);

@@ -35,7 +35,7 @@ from modalscope.systems import chain5
 )
 def test_options_of_the_terminal_are_arguments_of_python(terminal: str, python: str) -> None:
     assert in_python(terminal) == python
-    error = DataError("a file was asked", "it is damaged", terminal)
+    error = DataError("a file:", "it is damaged", terminal)
     assert str(error) == f"a file: it is damaged.\n{python}"
     assert (error.args[0], error.change) == (f"a file: it is damaged.\n{terminal}", terminal)
 

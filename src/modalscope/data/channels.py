@@ -127,7 +127,7 @@ def one_channel(values: Any, axes: int = 2) -> Any:
 def derivatives_between(quantity: str | None, wanted: str) -> int:
     """Return how often `quantity` is differentiated to give `wanted`; an unknown quantity is an error."""
     check_choice("quantity", wanted, QUANTITIES)
-    return QUANTITIES[wanted] - QUANTITIES[known_quantity(quantity, f"the response as {wanted} was asked")]
+    return QUANTITIES[wanted] - QUANTITIES[known_quantity(quantity, f"the response as {wanted}:")]
 
 
 def known_quantity(quantity: str | None, asked: str, *, lost: str = "", otherwise: str = "") -> str:
@@ -163,7 +163,7 @@ def choose_channels(
         rows = [i for i in rows if output_dofs[i] not in out]
         kept = [i for i in columns if input_dofs[i] not in out]
         if columns and not kept:
-            raise DataError(f"excluding {', '.join(sorted(out))} was asked", "that leaves no input", "Exclude fewer.")
+            raise DataError(f"excluding {', '.join(sorted(out))}:", "that leaves no input", "Exclude fewer.")
         columns = kept
     if not rows:
         raise DataError("a choice of channels needs at least one output", "none is left", "Exclude fewer channels.")

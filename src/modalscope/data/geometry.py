@@ -124,7 +124,7 @@ def indices_of(name: str, channels: Iterable[DofLike] | DofLike, labels: Sequenc
             continue
         label = label_of(item)
         if label not in positions:
-            raise DataError(f"{name} {label!r} was asked", f"there are only {', '.join(labels)}", "Name one of these.")
+            raise DataError(f"{name} {label!r}:", f"there are only {', '.join(labels)}", "Name one of these.")
         indices.append(positions[label])
     return indices
 

@@ -125,7 +125,7 @@ def mmif(response: FrequencyResponse) -> tuple[RealArray, RealArray]:
     check_kind("a mode indicator function", response, FrequencyResponse)
     check_size(response)
     lost = ", and with it the phase at resonance"
-    quantity = known_quantity(response.quantity, "a mode indicator function was asked", lost=lost)
+    quantity = known_quantity(response.quantity, "a mode indicator function:", lost=lost)
     H = response.values / (1j if quantity == "velocity" else 1)
     U, s, Vt = np.linalg.svd(np.concatenate([H.real, H.imag], axis=1), full_matrices=False)
     part = U[:, : H.shape[1]]
@@ -269,7 +269,7 @@ def mac_std(modes_a: ModalModel, modes_b: ModalModel | None = None) -> RealArray
     for name, modes in (("modes_a", modes_a), ("modes_b", other)):
         if modes.shapes_std is None:
             raise DataError(
-                "the standard deviation of a MAC was asked",
+                "the standard deviation of a MAC:",
                 f"{name} has no standard deviations of its shapes",
                 "Refine the modes: ms.refine(data, modes).",
             )
@@ -295,7 +295,7 @@ def _same_outputs(a: ModalModel, b: ModalModel) -> None:
     if a.output_dofs != b.output_dofs:
         odd = sorted(set(a.output_dofs) ^ set(b.output_dofs)) or ["their order"]
         raise DataError(
-            "the MAC of two sets of modes was asked",
+            "the MAC of two sets of modes:",
             f"their outputs differ: {', '.join(odd[:6])}{' ...' if len(odd) > 6 else ''}",
             "Select the same outputs in the same order: modes.select(outputs=...).",
         )

@@ -121,7 +121,7 @@ def continuous(A: RealArray, B: RealArray, dt: float, *, held: bool) -> tuple[Re
     if bad.any():
         few = ", ".join(f"{v:.3g}" for v in z[bad].real[:4])
         raise DataError(
-            "a real continuous model was asked",
+            "a real continuous model:",
             f"{int(bad.sum())} poles of the sampled one lie on the real axis at or below zero ({few})",
             "Lower the order, or remove those states first: their poles are at the Nyquist frequency and carry no mode.",
         )

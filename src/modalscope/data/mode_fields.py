@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike
 from scipy.special import stdtrit
 
 from modalscope.data.channels import Channels, check_quantity, derivatives_between, source_of
-from modalscope.data.notes import Candidate, Harmonic, Note, candidates_of, harmonics_of, notes_of
-from modalscope.data.residual_terms import ResidualTerms, residual_terms_of
+from modalscope.data.notes import Candidate, Harmonic, Note, notes_of, rows_of
+from modalscope.data.residual_terms import ResidualTerms
 from modalscope.data.shown import figures
 from modalscope.numerics.checks import (
     BoolArray,
@@ -63,7 +63,7 @@ DERIVED = (
     "reason",
 )
 
-#: Fields that hold one number an output and input, or nothing: they belong to no mode.
+#: Fields that hold one number per output and input, or nothing: they belong to no mode.
 DIRECT = ("feedthrough", "lower_residual", "upper_residual")
 
 
@@ -125,7 +125,7 @@ class ModeFields(Channels, HasPoles):
         ):
             if count != n:
                 raise DataError(f"{name} needs one entry per mode, {n}", f"it has {count}", "Give all, or none.")
-        terms = residual_terms_of(self.residual_terms)
+        terms = rows_of("residual_terms", ResidualTerms, self.residual_terms)
         if any(each.channels != channels for each in terms):
             have = f"they have {terms[0].channels[0]} outputs and {terms[0].channels[1]} inputs"
             raise DataError("residual terms need the channels of the modes", have, "Fit them again, or leave them out.")
@@ -148,8 +148,8 @@ class ModeFields(Channels, HasPoles):
             residual_terms=terms,
             quantity=check_quantity(self.quantity),
             notes=notes_of(self.notes),
-            left_out=candidates_of(self.left_out),
-            harmonics=harmonics_of(self.harmonics),
+            left_out=rows_of("left_out", Candidate, self.left_out),
+            harmonics=rows_of("harmonics", Harmonic, self.harmonics),
         )
         self._label(len(shapes), channels[1] or 0)
 
@@ -200,9 +200,7 @@ class ModeFields(Channels, HasPoles):
             What it is needed for.
         """
         if self.participation is None:
-            raise DataError(
-                f"{asked} was asked", "participation is not known", "Identify from data with inputs or references."
-            )
+            raise DataError(f"{asked}:", "participation is not known", "Identify from data with inputs or references.")
         return self.participation
 
     def _cut(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
@@ -234,7 +232,7 @@ def mode_indices(which: ArrayLike, count: int) -> IntArray:
         )
     if index.min() < -count or index.max() >= count:
         raise DataError(
-            f"mode {index.max() if index.max() >= count else index.min()} was asked",
+            f"mode {index.max() if index.max() >= count else index.min()}:",
             f"there are {count}, counted from 0",
             "Choose others.",
         )

@@ -46,7 +46,7 @@ def _mass_factor(modes: ModalModel) -> tuple[ComplexArray, str]:
     part = modes.known_participation("unit modal mass")
     if any(step.startswith(CORRELATED) for step in modes.processing):
         raise DataError(
-            "shapes of unit modal mass were asked",
+            "shapes of unit modal mass:",
             "no force was measured: participation is the correlation of each mode with references",
             "Measure again with known masses added, and give both to scale_by_mass.",
         )
@@ -54,14 +54,14 @@ def _mass_factor(modes: ModalModel) -> tuple[ComplexArray, str]:
     untold = {dof for note in modes.notes if note.kind == INSEPARABLE for dof in note.numbers}
     if common and untold.issuperset(common):
         raise DataError(
-            "shapes of unit modal mass were asked",
+            "shapes of unit modal mass:",
             f"the driving points {', '.join(common)} are inputs whose shares in the response cannot be separated",
             "Drive each by an independent force, or leave out those that are not independent: exclude=[...].",
         )
     common = [dof for dof in common if dof not in untold]
     if not common:
         raise DataError(
-            "shapes of unit modal mass were asked",
+            "shapes of unit modal mass:",
             "there is no driving point",
             "Where an output and an input are at one point, give both the same label.",
         )
@@ -311,7 +311,7 @@ class ModalModel(ModeFields):
         """
         if all(getattr(self, f) is None for f in COLUMNS.values() if f.endswith(("_std", "_repeatability"))):
             raise DataError(
-                f"intervals at {100 * level:g} % were asked",
+                f"intervals at {100 * level:g} %:",
                 "no standard deviation of these modes is known: neither from the noise nor between groups",
                 "Give frequencies_std and damping_ratios_std, or their repeatability between groups.",
             )
@@ -339,10 +339,10 @@ class ModalModel(ModeFields):
         identified = None if self.dt is None else 1 / self.dt
         rate = identified if sampling_rate is None else check_positive("sampling_rate", sampling_rate)
         if rate is None:
-            raise DataError("an impulse response was asked", "the system is continuous", "Give sampling_rate.")
+            raise DataError("an impulse response:", "the system is continuous", "Give sampling_rate.")
         if self.held_input and identified is not None and not np.isclose(rate, identified, rtol=1e-9):
             raise DataError(
-                f"a pulse response at {rate:g} Hz was asked",
+                f"a pulse response at {rate:g} Hz:",
                 f"the participation is that of an input held at {identified:g} Hz",
                 "Leave sampling_rate out.",
             )

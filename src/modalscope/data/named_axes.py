@@ -32,7 +32,7 @@ def dataset(thing: Any) -> Any:
 def _parts(thing: Any) -> tuple[dict[str, Any], dict[str, Any], dict[str, Any]]:
     """Return arrays with their axes, the values along the axes, and what is the same everywhere."""
     raise DataError(
-        f"named arrays of {type(thing).__name__} were asked",
+        f"named arrays of {type(thing).__name__}:",
         "they are made of one response, one record, modes or a diagram in memory",
         "Convert each part.",
     )

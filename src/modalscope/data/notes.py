@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from typing import Any, NamedTuple, Self, TypeVar
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -175,7 +175,7 @@ class _Row:
             return cls(**known)
         except TypeError:  # an entry that has no default
             have = f"its entries are {', '.join(entries)}"
-            raise DataError(f"a {cls.__name__} was asked", have, "Write the file again.") from None
+            raise DataError(f"a {cls.__name__}:", have, "Write the file again.") from None
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)
@@ -240,21 +240,9 @@ def _or_unknown(name: str, value: Any) -> float:
     return value if isinstance(value, float) and np.isinf(value) else check_number(name, value)
 
 
-_Kind = TypeVar("_Kind", Candidate, Harmonic)
-
-
-def _rows_of(name: str, kind: type[_Kind], values: Any) -> tuple[_Kind, ...]:
+def rows_of(name: str, kind: Any, values: Any) -> tuple[Any, ...]:
+    """Return objects of a kind as a tuple; what its `to_dict` gave becomes one again. `name`: of the field, for the error."""
     each = check_each(name, values, f"a list of {kind.__name__}")
     for value in each:
         check_kind(f"each of {name}", value, (kind, Mapping))
     return tuple(value if isinstance(value, kind) else kind.from_dict(value) for value in each)
-
-
-def candidates_of(values: Iterable[Candidate | Mapping[str, Any]]) -> tuple[Candidate, ...]:
-    """Return candidates as a tuple; what `to_dict` gave becomes one again."""
-    return _rows_of("left_out", Candidate, values)
-
-
-def harmonics_of(values: Iterable[Harmonic | Mapping[str, Any]]) -> tuple[Harmonic, ...]:
-    """Return harmonics as a tuple; what `to_dict` gave becomes one again."""
-    return _rows_of("harmonics", Harmonic, values)

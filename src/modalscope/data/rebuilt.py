@@ -149,7 +149,7 @@ def rebuilt(response: Response, modes: ModalModel) -> Array:
     (outputs, inputs), (l, m) = (len(modes.shapes), part.shape[1]), (response.values.shape[1], len(response.input_dofs))
     if (outputs, inputs) != (l, m):
         raise DataError(
-            "measured against rebuilt responses were asked",
+            "measured against rebuilt responses:",
             f"the data have {l} outputs and {m} inputs, the modes {outputs} and {inputs}",
             "Give the data that the modes were identified from, or select the same channels in both.",
         )

@@ -332,17 +332,15 @@ class RecordSpectra(Response):
 
     def functions(self, poles: Array, *, slopes: bool = False, lines: slice = slice(None)) -> RealArray:
         """Raise: in records every pole is driven by all inputs together."""
-        raise DataError(
-            "functions of poles alone were asked", "inputs of records act together", "Use a frequency response."
-        )
+        raise DataError("functions of poles alone:", "inputs of records act together", "Use a frequency response.")
 
     def as_samples(self) -> Conversion:
         """Raise: records are no response; see `estimate_markov`."""
-        raise DataError("samples of a response were asked", "the data are records on lines", "Use route='markov'.")
+        raise DataError("samples of a response:", "the data are records on lines", "Use route='markov'.")
 
     def as_lines(self) -> Conversion:
         """Raise: records are no response; see `estimate_frf`."""
-        raise DataError("frequency responses were asked", "the data are records on lines", "Use route='frf'.")
+        raise DataError("frequency responses:", "the data are records on lines", "Use route='frf'.")
 
     def in_band(self, band: tuple[float, float] | None) -> RecordSpectra:
         """Return the lines in a band."""
@@ -371,7 +369,7 @@ class RecordSpectra(Response):
 
     def of_modes(self, modes: ModeFields) -> Array:
         """Return what modes give on these lines under the measured inputs, from the first states that fit best."""
-        participation = modes.known_participation("records rebuilt from modes were asked")
+        participation = modes.known_participation("records rebuilt from modes:")
         direct = None if modes.residual_terms else modes.feedthrough
         terms = np.zeros((1, self.values.shape[1], self.drive.shape[1])) if direct is None else direct[None]
         if not modes.residual_terms:

@@ -112,9 +112,7 @@ def _chosen(records: Records, band: tuple[float, float] | None) -> list[tuple[Re
         parts.append((f, slice(None)) if inside is None else (f[inside], inside))
     if not sum(f.size for f, _ in parts):
         asked = "all lines" if band is None else f"the band {band[0]:g} to {band[1]:g} Hz"
-        raise DataError(
-            f"{asked} of records were asked", "no line lies there", "Choose a wider band, or measure longer."
-        )
+        raise DataError(f"{asked} of records:", "no line lies there", "Choose a wider band, or measure longer.")
     return parts
 
 

@@ -328,7 +328,7 @@ class Records(SeveralRecords):
         """
         chosen = check_count("run", run, least=0)
         if chosen >= len(self.runs):
-            raise DataError(f"run {chosen} was asked", f"there are {len(self.runs)}, counted from 0", "Name one.")
+            raise DataError(f"run {chosen}:", f"there are {len(self.runs)}, counted from 0", "Name one.")
         position = {dof: i for i, dof in enumerate(self.input_dofs)}
         return tuple(position[dof] for dof in self.runs[chosen].input_dofs)
 
@@ -375,7 +375,7 @@ class Records(SeveralRecords):
                 kept.append(k)
                 runs.append(run.select(outputs=rows, inputs=own))
         if not runs:
-            raise DataError("a choice of inputs was asked", "no run has one of them", "Choose at least one input.")
+            raise DataError("a choice of inputs:", "no run has one of them", "Choose at least one input.")
         return replace(self, runs=tuple(runs), groups=chosen_groups(self.groups, kept))
 
 
@@ -435,7 +435,7 @@ def _check_alike(runs: list[Signals]) -> None:
             ("units of the outputs", first.units[0], run.units[0], "Convert the records to one"),
         ):
             if one != other:
-                raise DataError(f"runs of the same {what} were asked", _difference(one, other, number), f"{change}.")
+                raise DataError(f"runs of the same {what}:", _difference(one, other, number), f"{change}.")
         if bool(run.input_dofs) is not bool(first.input_dofs):
             silent = 1 if run.input_dofs else number
             raise DataError(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
 
@@ -13,7 +13,6 @@ from modalscope.numerics.checks import (
     ComplexArray,
     RealArray,
     check_count,
-    check_each,
     check_kind,
     check_number,
     check_positive,
@@ -120,7 +119,7 @@ class ResidualTerms:
             )
         except (KeyError, ValueError) as error:
             raise DataError(
-                "residual terms were asked", f"their entries are damaged ({error})", "Write the file again."
+                "residual terms:", f"their entries are damaged ({error})", "Write the file again."
             ) from error
 
     @classmethod
@@ -230,12 +229,3 @@ def _real(residues: ComplexArray) -> RealArray:
             2 * len(residues), residues.shape[1] * residues.shape[2]
         )
     )
-
-
-def residual_terms_of(values: Iterable[ResidualTerms | Mapping[str, Any]]) -> tuple[ResidualTerms, ...]:
-    """Return residual terms as a tuple; entries of a file become what they were."""
-    each = check_each("residual_terms", values, "the terms of each band")
-    found = [ResidualTerms.from_dict(value) if isinstance(value, Mapping) else value for value in each]
-    for value in found:
-        check_kind("each of the residual_terms", value, ResidualTerms)
-    return tuple(found)

@@ -335,7 +335,7 @@ def check_rate(sampling_rate: float | None, lines: RealArray) -> float | None:
     rate = None if sampling_rate is None else check_positive("sampling_rate", sampling_rate)
     if rate is not None and lines[-1] > rate / 2 * (1 + 1e-9):
         raise DataError(
-            f"lines up to half the sampling rate, {rate / 2:g} Hz, were asked",
+            f"lines up to half the sampling rate, {rate / 2:g} Hz:",
             f"there are lines up to {lines[-1]:g} Hz",
             "Correct the sampling rate, or leave it out for the response of a continuous structure.",
         )
@@ -348,7 +348,7 @@ def lines_inside(lines: RealArray, band: tuple[float, float]) -> IntArray:
     inside = np.flatnonzero((lines >= low) & (lines <= high))
     if not inside.size:
         raise DataError(
-            f"the band {low:g} to {high:g} Hz was asked",
+            f"the band {low:g} to {high:g} Hz:",
             f"the {lines.size} lines lie from {lines.min():g} to {lines.max():g} Hz, none of them inside",
             "Choose a band that holds measured lines.",
         )
@@ -467,7 +467,7 @@ class FrequencyResponse(Response):
         """
         if powers and min(powers) < 0 and self.frequencies[0] == 0:
             raise DataError(
-                "residuals of modes below the band were asked",
+                "residuals of modes below the band:",
                 f"the {self.quantity or 'response'} has a line at 0 Hz, where they are infinite",
                 "Leave that line out with band(), or ask for residuals=False.",
             )
@@ -591,9 +591,7 @@ class FrequencyResponse(Response):
         """
         power = derivatives_between(self.quantity, wanted)
         if power < 0 and self.frequencies[0] == 0:
-            raise DataError(
-                f"the {self.quantity} as {wanted} was asked", "a line lies at 0 Hz", "Leave it out with band()."
-            )
+            raise DataError(f"the {self.quantity} as {wanted}:", "a line lies at 0 Hz", "Leave it out with band().")
         factor = ((2j * np.pi * self.frequencies) ** power)[:, None, None]
         return replace(
             self,

@@ -282,9 +282,7 @@ class Result(Shown):
     def diagram(self) -> StabilizationDiagram:
         """The stabilization diagram; of several bands the first."""
         if not self.diagrams:
-            raise DataError(
-                "the diagram was asked", "a file holds none", "Make it again: modalscope.replay(result.analysis)."
-            )
+            raise DataError("the diagram:", "a file holds none", "Make it again: modalscope.replay(result.analysis).")
         return self.diagrams[0]
 
     def __str__(self) -> str:

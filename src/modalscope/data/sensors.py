@@ -72,7 +72,7 @@ def equations_of_motion(model: StateSpace) -> EquationsOfMotion:
     n, l = model.order, model.C.shape[0]
     if 2 * l < n:
         raise DataError(
-            f"M^-1 K of {n} states was asked",
+            f"M^-1 K of {n} states:",
             f"{l} sensors give {2 * l} rows of [C; CA], at least {n} are needed",
             f"Measure at least {-(-n // 2)} degrees of freedom, or identify {2 * l} states: order={2 * l}; with "
             "method='polyreference' also block_rows=2.",
@@ -82,7 +82,7 @@ def equations_of_motion(model: StateSpace) -> EquationsOfMotion:
     condition = _condition(V, n)
     if condition > _MAX_CONDITION:
         raise DataError(
-            f"M^-1 K of {n} states was asked",
+            f"M^-1 K of {n} states:",
             f"[C; CA] has condition {condition:.1e}: the sensors do not separate the degrees of freedom",
             "Measure more of them, or lower the order to the modes that the sensors see.",
         )
@@ -122,7 +122,7 @@ def first_order_form(model: StateSpace) -> StateSpace:
     if l < n or condition > _MAX_CONDITION:
         rank = np.linalg.matrix_rank(model.C, tol=np.linalg.norm(model.C) / _MAX_CONDITION)
         raise DataError(
-            f"the first-order form of {n} states was asked",
+            f"the first-order form of {n} states:",
             f"the {l} outputs reach {rank} of them",
             f"Measure at least {n} outputs, displacements and velocities both, or use the second-order form.",
         )
@@ -132,7 +132,7 @@ def first_order_form(model: StateSpace) -> StateSpace:
 def _check_continuous(model: StateSpace) -> None:
     if model.dt is not None:
         raise DataError(
-            "a continuous model was asked", f"it is sampled every {model.dt:g} s", "Use domain='s' or to_continuous()."
+            "a continuous model:", f"it is sampled every {model.dt:g} s", "Use domain='s' or to_continuous()."
         )
 
 

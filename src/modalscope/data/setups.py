@@ -135,7 +135,7 @@ class Setups(SeveralRecords):
         references = tuple(dof for dof in self.references if dof in wanted)
         if not references:
             raise DataError(
-                "a choice of outputs was asked", f"no reference remains of {', '.join(self.references)}", "Keep one."
+                "a choice of outputs:", f"no reference remains of {', '.join(self.references)}", "Keep one."
             )
         return replace(self, parts=tuple(parts), references=references, groups=chosen_groups(self.groups, kept))
 
@@ -166,7 +166,7 @@ def check_setups(parts: list[Signals]) -> tuple[str, ...]:
     for number, part in enumerate(parts, 1):
         if part.input_dofs:
             remedy = "Merge their frequency responses: merge([...])."
-            raise DataError("ambient setups were asked", f"setup {number} has inputs", remedy)
+            raise DataError("ambient setups:", f"setup {number} has inputs", remedy)
         if part.sampling_rate != first.sampling_rate:
             fault = f"setup 1 has {first.sampling_rate:g} Hz, setup {number} {part.sampling_rate:g} Hz"
             raise DataError("setups need one sampling rate", fault, "Decimate the faster records.")

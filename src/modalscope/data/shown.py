@@ -42,8 +42,7 @@ class Shown:
             It has no picture.
         """
         if ax is not None and not hasattr(ax, "transData"):
-            found = f"ax is {type(ax).__name__}"
-            raise DataError("a picture was asked", found, "Give Matplotlib axes, or leave ax out.")
+            raise DataError("a picture:", f"ax is {type(ax).__name__}", "Give Matplotlib axes, or leave ax out.")
         return handed("drawn")(self, ax)
 
     def _repr_html_(self) -> str:

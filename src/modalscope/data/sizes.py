@@ -56,7 +56,7 @@ def _check(name: str, array: Array, labels: tuple[str, ...], most: float, channe
     odd = np.flatnonzero((size > 0) & ((size < 1 / most) | (size > most)))
     if odd.size:
         raise DataError(
-            f"{name} between {1 / most:g} and {most:g} were asked",
+            f"{name} between {1 / most:g} and {most:g}:",
             f"the largest of channel {labels[odd[0]]} is {figures(size[odd[0]])}",
             "Give them in another unit, or correct the factor they were multiplied with.",
         )
@@ -100,7 +100,7 @@ def check_upright(records: Records) -> None:
         return
     samples = max(records.samples)
     raise DataError(
-        f"modes of {count} outputs of {samples} samples were asked",
+        f"modes of {count} outputs of {samples} samples:",
         f"they may as well be {samples} outputs of {count} samples: nothing names them",
         f"If so, exchange rows and columns: Signals(outputs=y.T, ...). Else name the {count} outputs: output_dofs=[...].",
     )
@@ -109,7 +109,7 @@ def check_upright(records: Records) -> None:
 def _zero(side: str, dead: Sequence[str], labels: Sequence[str]) -> DataError:
     leave = f"Leave it out: --exclude {shlex.join(dead)}."
     return DataError(
-        f"data with a response in every {side} were asked",
+        f"data with a response in every {side}:",
         f"{side} {', '.join(dead)} is zero throughout",
         "Check cables, sensors and which columns were read." if len(dead) == len(labels) else leave,
     )

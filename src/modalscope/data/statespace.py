@@ -197,7 +197,7 @@ class StateSpace(Quadruple):
         (l, m), rate = self.D.shape, 1 / self.dt if self.dt else np.nan
         if (len(signals.output_dofs), len(signals.input_dofs)) != (l, m) or not np.isclose(signals.sampling_rate, rate):
             raise DataError(
-                f"predictions of {l} outputs from {m} inputs at {rate:g} Hz were asked",
+                f"predictions of {l} outputs from {m} inputs at {rate:g} Hz:",
                 f"the record has {len(signals.output_dofs)} outputs and {len(signals.input_dofs)} inputs at {signals.sampling_rate:g} Hz",
                 "Select the model's channels, and resample to its rate.",
             )

@@ -49,7 +49,7 @@ class Rows(Protocol):
 class Picked:
     """Some columns of rows, each multiplied by a factor.
 
-    `factors`: one a column that is picked.
+    `factors`: one per column that is picked.
     """
 
     rows: Rows
@@ -99,7 +99,7 @@ class StoredSignals(Sampled):
     def __post_init__(self) -> None:
         if not (hasattr(self.rows, "shape") and hasattr(self.rows, "read")):
             raise DataError(
-                "rows of a stored record were asked",
+                "rows of a stored record:",
                 f"there is {type(self.rows).__name__}, of which no stretch can be read",
                 "Read the file with stored=True, or give an object with shape, identity and read(start, stop).",
             )
@@ -302,7 +302,7 @@ class StoredResponse(Channels):
 
     def _refuse(self, found: str) -> NoReturn:
         raise DataError(
-            "stored responses of (samples, outputs, inputs) were asked",
+            "stored responses of (samples, outputs, inputs):",
             found,
             "Read a Zarr folder with stored=True, or give an object with shape, together, identity and read(start, stop).",
         )

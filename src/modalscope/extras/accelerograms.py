@@ -87,7 +87,7 @@ def read(path: Path, options: Options) -> Contents:
     for pattern, what in _NO_RECORD.items():
         if any(re.search(pattern, line, re.IGNORECASE) for line in lines):
             fault = f"it holds {what}"
-            raise DataError(f"a record from {path.name} was asked", fault, "Give the corrected accelerogram (.v2).")
+            raise DataError(f"a record from {path.name}:", fault, "Give the corrected accelerogram (.v2).")
     channels = [channel for part in _parts(lines) for channel in _channels(path.name, part, space)]
     if not channels:
         fault = "no line announces a block of acceleration (... points of accel data, or ... acceleration pts)"
@@ -108,7 +108,7 @@ def read_smc(path: Path, options: Options) -> Contents:
     kind = " ".join(lines[:1]).strip().lower()
     if "spectr" in kind:
         fault = f"it holds {kind}, which are no record"
-        raise DataError(f"a record from {path.name} was asked", fault, "Give the accelerogram.")
+        raise DataError(f"a record from {path.name}:", fault, "Give the accelerogram.")
     integers = _exactly(path.name, lines[11:17], 10, 48, space)
     reals = _exactly(path.name, lines[17:27], 15, 50, space)
     unknown = integers[0]

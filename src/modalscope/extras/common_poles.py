@@ -142,7 +142,7 @@ def aaa(
     lines, outputs, _ = response.values.shape
     if 2 * order > lines:
         raise DataError(
-            f"an interpolant of {order} lines was asked",
+            f"an interpolant of {order} lines:",
             f"there are {lines} lines",
             f"Lower the order to at most {lines // 2}, or widen the band.",
         )
@@ -244,7 +244,7 @@ def vector_fitting(
     lines, outputs, _ = response.values.shape
     if order + 1 > lines:
         raise DataError(
-            f"vector fitting of {order} poles was asked",
+            f"vector fitting of {order} poles:",
             f"there are {lines} lines",
             f"Lower the order to at most {lines - 1}, or widen the band.",
         )
@@ -328,7 +328,7 @@ class Zeros(Realization):
         """Return the model of order n; shapes and residuals come from least squares over the lines."""
         if not 1 <= n <= self.matrix.largest:
             raise DataError(
-                f"order={n} was asked",
+                f"order={n}:",
                 f"the fraction has orders 1 to {self.matrix.largest}",
                 "Ask for a larger order when it is built.",
             )

@@ -70,20 +70,16 @@ def dwell_of(records: Records) -> dict[str, Any]:
 def _measured(records: Records) -> tuple[RealArray, ComplexArray, ComplexArray, list[int]]:
     """Return the circular frequencies of dwells, amplitudes of displacements and forces, and which outputs are at the forces."""
     if not records.input_dofs:
-        raise DataError(
-            "a tuned dwell was asked", "no forces were measured", "Give the forces of the dwells as inputs."
-        )
+        raise DataError("a tuned dwell:", "no forces were measured", "Give the forces of the dwells as inputs.")
     amplitudes = [_amplitudes(run) for run in records.runs]
     w = np.array([each[0] for each in amplitudes])
     quantity = records.quantity
     if quantity is None:
-        raise DataError("a tuned dwell was asked", "the quantity of the outputs is not known", "Give quantities=...")
+        raise DataError("a tuned dwell:", "the quantity of the outputs is not known", "Give quantities=...")
     X = np.array([each[1] for each in amplitudes]) / ((1j * w) ** QUANTITIES[quantity])[:, None]
     missing = ", ".join(dof for dof in records.input_dofs if dof not in records.output_dofs)
     if missing:
-        raise DataError(
-            "a tuned dwell was asked", f"the motion at {missing} is not measured", "Measure it at each force."
-        )
+        raise DataError("a tuned dwell:", f"the motion at {missing} is not measured", "Measure it at each force.")
     places = [records.output_dofs.index(dof) for dof in records.input_dofs]
     return w, X, np.array([each[2] for each in amplitudes]), places
 
@@ -101,7 +97,7 @@ def _amplitudes(run: Signals) -> tuple[float, ComplexArray, ComplexArray]:
         w += float(np.angle(np.sum(second * first.conj()))) / (t[len(t) // 2] - t[0])
     if w * t[-1] < 2 * np.pi * _MIN_PERIODS:
         have = f"the second half of one has {figures(w * t[-1] / (2 * np.pi), 2)} periods"
-        raise DataError("a tuned dwell was asked", have, f"Dwell for {2 * _MIN_PERIODS:g} periods, or longer.")
+        raise DataError("a tuned dwell:", have, f"Dwell for {2 * _MIN_PERIODS:g} periods, or longer.")
     return w, _fitted(w, t, y), _fitted(w, t, u)
 
 
@@ -130,7 +126,7 @@ def _backbone(w: RealArray, q: RealArray, power: ComplexArray) -> tuple[RealArra
             "at one frequency" if np.ptp(f) <= _ONE_FREQUENCY * f.mean() else f"from {f.min():.6g} to {f.max():.6g} Hz"
         )
         have = f"all dwells are {where}: mass and stiffness are not separated"
-        raise DataError("a tuned dwell was asked", have, "Step through the resonance, to half of its height at least.")
+        raise DataError("a tuned dwell:", have, "Step through the resonance, to half of its height at least.")
     natural = np.sqrt(np.maximum((power.real + m * w**2) / m, 0))
     return natural / (2 * np.pi), power.imag / (w * 2 * m * np.maximum(natural, 1e-300))
 

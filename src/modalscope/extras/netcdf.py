@@ -121,7 +121,7 @@ def _text(value: Any) -> str:
 def _times(times: _Variable, name: str) -> Array:
     """Return the times of a file, `hours since 2026-06-01T00:00` and the like, as datetime64[ms]."""
     form = re.fullmatch(r"\s*([A-Za-z]+?)s?\s+since\s+(.+?)\s*(?:Z|\+00:?00|UTC)?\s*", times.unit)
-    asked = f"the times of {name} were asked"
+    asked = f"the times of {name}:"
     remedy = 'Give time the unit "hours since 2026-06-01T00:00:00", in UTC.'
     if form is None or form[1].lower() not in _SECONDS or times.values.dtype.kind not in "iuf":
         raise DataError(asked, f"their unit is {times.unit!r}", remedy)

@@ -10,13 +10,12 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
 
-from modalscope.data import Signals
 from modalscope.data.shown import counted
 from modalscope.io.columns import Column, Table, contents_from_table
 from modalscope.io.contents import Contents, Options, damage_as_error, needs, unreadable
@@ -276,9 +275,6 @@ def read_sac(path: Path, options: Options) -> Contents:
         rate=float(f"{1 / step:.7g}"),  # the step has single precision
         rate_from="DELTA in its header",
         roles={1: "out"},
+        quantity=_QUANTITIES.get(int(integers[16])),
     )
-    contents = contents_from_table(table, options)
-    quantity = _QUANTITIES.get(int(integers[16]))
-    if isinstance(contents.thing, Signals) and quantity:
-        return replace(contents, thing=replace(contents.thing, quantities=(quantity,)))
-    return contents
+    return contents_from_table(table, options)

@@ -97,7 +97,7 @@ def stand_in(source: Path, target: Path, structure: Any) -> tuple[str, str]:
     Raises `DataError`: no text, workbook, universal file or MATLAB file up to version 7.2, or a damaged one.
     """
     if not source.is_file():
-        raise DataError(f"a stand-in of {source} was asked", "there is no such file", "Check its name and folder.")
+        raise DataError(f"a stand-in of {source}:", "there is no such file", "Check its name and folder.")
     thing, said = _read(source)
     make = {".xlsx": _workbook, ".mat": _matlab}.get(source.suffix.lower(), _text)
     with replacing(target, (source,)) as temporary:
@@ -213,7 +213,7 @@ def _matlab(source: Path, target: Path, columns: Array) -> None:
 
     data, names = source.read_bytes(), Names()
     if data.startswith(b"MATLAB 7.3"):
-        raise DataError(f"a stand-in of {source.name} was asked", "it is of MATLAB 7.3", "Save it with -v7.")
+        raise DataError(f"a stand-in of {source.name}:", "it is of MATLAB 7.3", "Save it with -v7.")
     read_mat5(data, room(source.name, len(data)), (), {})  # scipy trusts the sizes that a file states
     found = {name: value for name, value in loadmat(source).items() if not name.startswith("__")}
     savemat(target, {names(name): _array(names, columns, name, value) for name, value in found.items()}, False)

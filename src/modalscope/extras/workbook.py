@@ -31,9 +31,9 @@ def write_workbook(path: Path, thing: Any) -> None:
     modes = thing.modes if isinstance(thing, Result) else thing
     if not isinstance(modes, ModalModel):
         fault = f"{type(thing).__name__} has no modes"
-        raise DataError("writing a workbook was asked", fault, "Write a result or modes; others as .npz or .csv.")
+        raise DataError("writing a workbook:", fault, "Write a result or modes; others as .npz or .csv.")
     if 2 * len(modes) + 1 > _MAX_COLUMNS:
-        raise DataError("writing a workbook was asked", f"{len(modes)} modes exceed its columns", "Write .csv or .npz.")
+        raise DataError("writing a workbook:", f"{len(modes)} modes exceed its columns", "Write .csv or .npz.")
     openpyxl = optional_package("a workbook", "openpyxl", "excel")
     book = openpyxl.Workbook(write_only=True)
     _sheet(book, "modes", _modes(modes))

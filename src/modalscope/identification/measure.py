@@ -43,7 +43,7 @@ def measure(
     test = as_test(data) if isinstance(data, list | tuple) else data
     rate = getattr(getattr(test, "record", test), "sampling_rate", None)
     if checked is not None and rate is not None and checked[0] >= rate / 2:
-        asked_for, have = f"the band {checked[0]:g} to {checked[1]:g} Hz was asked", f"they are sampled at {rate:g} Hz"
+        asked_for, have = f"the band {checked[0]:g} to {checked[1]:g} Hz:", f"they are sampled at {rate:g} Hz"
         raise DataError(asked_for, f"{have}: nothing lies above {rate / 2:g} Hz", "Choose a band below.")
     late = None if delays is None else delays_of(delays)
     sides = None if reciprocal is None else reciprocity_of(reciprocal)
@@ -53,10 +53,10 @@ def measure(
     taken = "correlation" if measured.response.ambient else measured.route
     if asked not in ("auto", taken) or (delays and measured.delays is None):
         what = f"delays={delays!r}" if asked in ("auto", taken) else f"route={asked!r}"
-        raise DataError(f"{what} was asked", f"the data are {measured.given}, not records with inputs", "Omit it.")
+        raise DataError(f"{what}:", f"the data are {measured.given}, not records with inputs", "Omit it.")
     if reciprocal and not measured.response.exchanged:
         have = f"the data are {measured.given}, not responses to single forces"
-        raise DataError("reciprocal=True was asked", have, "Omit it, or estimate frequency responses: route='frf'.")
+        raise DataError("reciprocal=True:", have, "Omit it, or estimate frequency responses: route='frf'.")
     return replace(measured, band=measured.band if checked is None else checked, exclude=exclude)
 
 

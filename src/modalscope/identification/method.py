@@ -48,7 +48,7 @@ def checked_orders(orders: int | Iterable[int]) -> list[int]:
         orders = range(check_count("orders", orders, most=2 * MAX_ORDERS), 0, -2)
     increasing = sorted({check_count("order", n) for n in check_each("orders", orders, "whole numbers", MAX_ORDERS)})
     if not increasing:
-        raise DataError("orders were asked", "the range of orders is empty", "Give range(2, 61, 2) or 2:60:2, say.")
+        raise DataError("orders:", "the range of orders is empty", "Give range(2, 61, 2) or 2:60:2, say.")
     return increasing
 
 
@@ -94,9 +94,7 @@ class States(OrderRule):
             notes = (Note("orders left out", {"lowest": beyond[0], "highest": beyond[-1], "rank": rank}, text),)
         within = [n for n in asked if n <= rank]
         if not within and not automatic:
-            raise DataError(
-                f"orders {asked[0]} to {asked[-1]} were asked", factors.reach, f"Lower the orders to at most {rank}."
-            )
+            raise DataError(f"orders {asked[0]} to {asked[-1]}:", factors.reach, f"Lower the orders to at most {rank}.")
         exact = rank < min(factors.left.shape[1], asked[-1])
         if (exact or not within) and rank not in within:
             within.append(rank)
@@ -162,7 +160,7 @@ def refuse(options: Options, why: str, *names: str) -> None:
     """Raise `DataError` for a given option that a data matrix does not have."""
     for name in names:
         if getattr(options, name) is not None:
-            raise DataError(f"option {name!r} was asked", why, "Omit it, or use another domain.")
+            raise DataError(f"option {name!r}:", why, "Omit it, or use another domain.")
 
 
 Matrix = Callable[[Problem, int], Built]

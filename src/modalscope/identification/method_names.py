@@ -163,7 +163,7 @@ def find_method(name: str, domain: str | None, default_domain: str, route: str |
     if not cells:
         routes = dict.fromkeys(filter(None, map(route_of, rows)))
         raise DataError(
-            f"method {name!r} by route={route!r} was asked",
+            f"method {name!r} by route={route!r}:",
             f"it takes records with inputs by route {' or '.join(map(repr, routes)) or 'none'} only",
             "Omit route, or choose another method.",
         )
@@ -172,9 +172,7 @@ def find_method(name: str, domain: str | None, default_domain: str, route: str |
     check_choice("domain", domain, DOMAINS)
     if domain not in cells:
         raise DataError(
-            f"method {name!r} in domain {domain!r} was asked",
-            f"it has only {', '.join(cells)}",
-            "Choose one of these domains.",
+            f"method {name!r} in domain {domain!r}:", f"it has only {', '.join(cells)}", "Choose one of these domains."
         )
     return cells[domain]
 
@@ -183,12 +181,12 @@ def _unknown(name: Any) -> DataError:
     rows = list(dict.fromkeys(m.name for m in methods()))
     pointer = POINTERS.get(" ".join(re.split(r"[-_/ ]+", str(name).strip().lower())))
     if pointer is not None:
-        return DataError(f"method={name!r} was asked", "it is no row of the table", pointer)
+        return DataError(f"method={name!r}:", "it is no row of the table", pointer)
     words = {plain(word): word for m in methods() for word in (m.name, *m.aliases)}
     near = get_close_matches(plain(str(name)), words, n=1)
     hint = f"Did you mean {words[near[0]]!r}? " if near else ""
     return DataError(
-        f"method={name!r} was asked",
+        f"method={name!r}:",
         f"there are {', '.join(rows)}, and their names in the literature (see methods())",
         f"{hint}Choose one of these.",
     )

@@ -61,7 +61,7 @@ DEGREES = Degrees()
 @singledispatch
 def choose(rule: OrderRule, largest: int, factored: Factored) -> Choice:
     """Return one order by default, from the factors of the largest order considered; a rule that states none is a `DataError`."""
-    raise DataError("a default order was asked", "this method has none", "Give order=.")
+    raise DataError("a default order:", "this method has none", "Give order=.")
 
 
 @choose.register

@@ -171,7 +171,7 @@ def _options_of(row: Method, given: Mapping[str, Any]) -> Options:
     for name in asked:
         if name not in {f.name for f in fields(row.options_type)}:
             raise DataError(
-                f"option {name!r} was asked of method {row}",
+                f"option {name!r} of method {row}:",
                 row.options_type.why_not,
                 f"Omit it, or choose one of the methods that have it: {', '.join(dict.fromkeys(rows_with(name)))}.",
             )
@@ -186,7 +186,7 @@ def _check_form(row: Method, form: str | None) -> None:
     allowed = (*row.forms, "smaller") if len(row.forms) > 1 else row.forms
     if form not in allowed:
         raise DataError(
-            f"form={form!r} of method {row.name!r} in domain {row.domain!r} was asked",
+            f"form={form!r} of method {row.name!r} in domain {row.domain!r}:",
             f"it has only {' and '.join(allowed)}: its columns are not B, AB, ...",
             f"Use form={allowed[0]!r}, or a method in the time domain.",
         )

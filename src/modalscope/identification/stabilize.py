@@ -34,7 +34,7 @@ def limits_of(tolerances: Mapping[str, float] | None) -> dict[str, float]:
     check_kind("tolerances", given, Mapping)
     limits = {**TOLERANCES, **{k: check_positive(k, v) for k, v in given.items()}}
     if set(limits) != set(TOLERANCES):
-        asked = f"tolerances for {', '.join(sorted(map(str, limits)))} were asked"
+        asked = f"tolerances for {', '.join(sorted(map(str, limits)))}:"
         raise DataError(asked, f"there are {', '.join(TOLERANCES)}", "Correct the names.")
     return limits
 
@@ -112,7 +112,7 @@ def swept(
         if progress is not None:
             progress(len(found.orders) - len(found.remaining), len(found.orders))
     if not cuts:
-        orders = f"orders {asked[0]} to {asked[-1]} were asked"
+        orders = f"orders {asked[0]} to {asked[-1]}:"
         raise DataError(orders, str(found.notes[-1]), "Choose other orders or block sizes.")
     notes = (*found.notes, *found.notes_on(cuts))
     return collected(found.pipeline, cuts, limits, notes, asked)

@@ -59,7 +59,7 @@ def check_suits(row: Method, measured: Measured) -> None:
     """Raise `DataError` where the data do not suit a row."""
     why = refusal(row, measured.response, measured.held is not None)
     if why:
-        asked = f"method {row.name!r} in domain {row.domain!r} was asked"
+        asked = f"method {row.name!r} in domain {row.domain!r}:"
         raise DataError(asked, f"{why.reason}: this is {measured.given}", why.change)
 
 

@@ -256,7 +256,7 @@ def over_pipeline(
     """Return the sweep over a pipeline; raise `DataError` where options were given, which are fixed by its problem."""
     for name, value in options.items():
         if value is not None:
-            raise DataError(f"{name}= was asked", "the problem is factored already", f"Give {name}= to prepare().")
+            raise DataError(f"{name}=:", "the problem is factored already", f"Give {name}= to prepare().")
     return over(pipeline, resolved_orders(pipeline.problem, orders), automatic=orders is None, deviations=deviations)
 
 

@@ -100,7 +100,7 @@ def find_method(name: str, domain: str | None, default_domain: str, route: str |
     wanted = domain or (default_domain if default_domain in cells else next(iter(cells), default_domain))
     if wanted not in cells:
         have = ", ".join(map(str, ROWS))
-        raise DataError(f"method={name!r} in domain {wanted!r} was asked", f"there are {have}", "Choose one of these.")
+        raise DataError(f"method={name!r} in domain {wanted!r}:", f"there are {have}", "Choose one of these.")
     return cells[wanted]
 
 

@@ -55,7 +55,7 @@ def read_analysis(path: Path) -> Analysis:
     if not isinstance(entries, Mapping):
         fault = 'it has no "analysis": what it holds does not say how it was found'
         remedy = "Name the data, an .analysis.json, or a result that `modalscope identify` wrote."
-        raise DataError(f"the analysis in {path.name} was asked", fault, remedy)
+        raise DataError(f"the analysis in {path.name}:", fault, remedy)
     return analysis_from(entries)
 
 

@@ -71,20 +71,21 @@ AXES: dict[type[Any], dict[str, tuple[str, ...]]] = {
 }
 
 
+#: Data object -> the arrays by which it is known, and the others without which there is none.
+NEEDED: dict[type[Any], tuple[tuple[str, ...], tuple[str, ...]]] = {
+    FrequencyResponse: (("frequencies",), ("values",)),
+    ModalModel: (("poles",), ("shapes",)),
+    Signals: (("outputs",), ("sampling_rate",)),
+    ImpulseResponse: (("values",), ("sampling_rate",)),
+    StateSpace: (("A", "B", "C"), ()),
+    Geometry: (("geometry_nodes", "geometry_coordinates"), ()),
+}
+
+
 def class_of(names: Iterable[str]) -> type[Any] | None:
     """Return the data object that arrays of these names make; None when they make none."""
-    names = set(names)
-    for needed, data_class in (
-        ({"frequencies"}, FrequencyResponse),
-        ({"poles"}, ModalModel),
-        ({"outputs"}, Signals),
-        ({"values"}, ImpulseResponse),
-        ({"A", "B", "C"}, StateSpace),
-        ({"geometry_nodes", "geometry_coordinates"}, Geometry),
-    ):
-        if needed <= names:
-            return data_class
-    return None
+    there = set(names)
+    return next((data_class for data_class, (known, _) in NEEDED.items() if there.issuperset(known)), None)
 
 
 def names_of(data_class: type[Any]) -> set[str]:

@@ -124,13 +124,13 @@ def check_target(path: str | Path, sources: Iterable[Path | None] = ()) -> Path:
         if not target.is_file():
             kind = "a folder" if target.is_dir() else "a pipe or a device"
             fault = f"that is {kind}"
-            raise DataError(f"writing {str(path)!r} was asked", fault, "Name a file in a folder that is there.")
+            raise DataError(f"writing {str(path)!r}:", fault, "Name a file in a folder that is there.")
         for source in sources:
             if source is not None and source.exists() and target.samefile(source):
                 fault = "the data came from that file, and a measurement is never overwritten"
-                raise DataError(f"writing {str(path)!r} was asked", fault, "Choose another name.")
+                raise DataError(f"writing {str(path)!r}:", fault, "Choose another name.")
         if not os.access(target, os.W_OK):
-            raise DataError(f"writing {str(path)!r} was asked", "that file is write-protected", "Choose another name.")
+            raise DataError(f"writing {str(path)!r}:", "that file is write-protected", "Choose another name.")
     except OSError as error:
         raise _unwritable(path, error) from None
     return target
@@ -139,7 +139,7 @@ def check_target(path: str | Path, sources: Iterable[Path | None] = ()) -> Path:
 def _unwritable(path: str | Path, error: OSError) -> DataError:
     fault = f"the system refuses: {(error.strerror or str(error)).lower()}"
     remedy = "Choose a folder that exists and that you may write to, with room left."
-    return DataError(f"writing {str(path)!r} was asked", fault, remedy)
+    return DataError(f"writing {str(path)!r}:", fault, remedy)
 
 
 def is_ours(path: Path) -> bool:
@@ -174,7 +174,7 @@ def check_texts(kind: str, thing: Any) -> None:
         odd = "\0" in text or any("\ud800" <= c <= "\udfff" for c in text)
         if odd or (where.startswith("indicators") and ("/" in text or not text.isprintable())):
             fault = "that text has characters which files do not keep"
-            raise DataError(f"writing {where} {text!r} as {kind} was asked", fault, "Rename it.")
+            raise DataError(f"writing {where} {text!r} as {kind}:", fault, "Rename it.")
 
 
 def _texts(thing: Any, where: str = "") -> Iterator[tuple[str, str]]:

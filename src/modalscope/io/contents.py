@@ -49,7 +49,7 @@ DAMAGED = (
 
 def unreadable(where: str, fault: str, remedy: str = "Export or copy it again.") -> DataError:
     """Return the error of a file that is not read."""
-    return DataError(f"reading {where} was asked", fault, remedy)
+    return DataError(f"reading {where}:", fault, remedy)
 
 
 def needs(where: str, need: str, fault: str, remedy: str) -> DataError:
@@ -66,9 +66,7 @@ class SeveralTests(DataError):
 def several_tests(where: str, what: str, names: Sequence[str]) -> SeveralTests:
     """Return the error of a file whose tables, called `what`, are tests of their own."""
     remedy = "Name one: " + " or ".join(f'--test "{name}"' for name in names[:3])
-    error = SeveralTests(
-        f"reading {where} was asked", f"several of its {what} hold tables: {', '.join(names[:12])}", remedy
-    )
+    error = SeveralTests(f"reading {where}:", f"several of its {what} hold tables: {', '.join(names[:12])}", remedy)
     error.names = tuple(names)
     return error
 
@@ -235,7 +233,7 @@ def chosen(where: str, what: str, names: Iterable[str], tables: Sequence[str], o
     if asked is not None:
         if str(asked) not in names:
             fault = f"its {what} are {', '.join(names[:12])}"
-            raise DataError(f"--test {str(asked)[:60]!r} of {where} was asked", fault, "Name one of them.")
+            raise DataError(f"--test {str(asked)[:60]!r} of {where}:", fault, "Name one of them.")
         return str(asked)
     if len(tables) > 1:
         raise several_tests(where, what, tables)

@@ -212,8 +212,7 @@ def _pairs(table: _Table, parts: tuple[str, ...]) -> dict[str, Any]:
     missing = [f"{part} {' / '.join(pair)}".strip() for pair, of in found.items() for part in parts if part not in of]
     if missing or not found:
         fault = f"missing: {', '.join(missing[:5]) or 'all'}"
-        remedy = "Add them, or leave out that channel."
-        raise needs(table.where, "a column for every output and input", fault, remedy)
+        raise needs(table.where, "a column for every output and input", fault, "Add them, or leave out that channel.")
     responses = {p: (joined(of["real"], of["imag"]) if len(parts) > 1 else of[""], units[p]) for p, of in found.items()}
     outputs, inputs, units_of, values = matrix_of(table.where, responses)
     return {"values": values, "output_dofs": outputs, "input_dofs": inputs, "units": units_of}
@@ -279,8 +278,7 @@ def write(path: Path, thing: DataObject, options: Options) -> None:
         if any(thing.quantities):
             notes["quantities"] = ", ".join(quantity or "" for quantity in thing.quantities)
     else:
-        fault = "there is no such table"
-        raise DataError(f"writing {type(thing).__name__} as .csv was asked", fault, "Use .npz, .h5 or .uff.")
+        raise DataError(f"writing {type(thing).__name__} as .csv:", "there is no such table", "Use .npz, .h5 or .uff.")
     _check_header(path, thing, table[0])
     _put(path, notes, *table)
 
@@ -296,7 +294,7 @@ def _check_header(path: Path, thing: Signals | Response, header: Sequence[str]) 
     if not restored:
         labels = (*thing.output_dofs, *thing.input_dofs, *thing.units[0], *thing.units[1])
         odd = [repr(label) for label in dict.fromkeys(labels) if not _PLAIN.fullmatch(label)]
-        asked = f"writing the labels and units {', '.join(odd or map(repr, labels))} as .csv was asked"
+        asked = f"writing the labels and units {', '.join(odd or map(repr, labels))} as .csv:"
         raise DataError(asked, "its header of columns would not give them back", "Rename them, or use .npz or .h5.")
 
 
@@ -320,7 +318,7 @@ def _pair(thing: Any, i: int, j: int) -> str:
 def _impulse_table(response: ImpulseResponse) -> tuple[list[str], list[list[float]]]:
     if response.feedthrough is not None:
         fault = "its direct term has no column there"
-        raise DataError("writing an impulse response as .csv was asked", fault, "Use .npz, .h5 or .uff.")
+        raise DataError("writing an impulse response as .csv:", fault, "Use .npz, .h5 or .uff.")
     _, outputs, inputs = response.values.shape
     header = ["time_s", *(_pair(response, i, j) for i in range(outputs) for j in range(inputs))]
     return header, np.column_stack([response.times, response.values.reshape(response.samples, -1)]).tolist()
@@ -337,7 +335,7 @@ def _frequency_table(frf: FrequencyResponse) -> tuple[list[str], list[list[float
 def _record_table(record: Signals) -> tuple[list[str], list[list[float]]]:
     if record.runs > 1:
         fault = f"there are {record.runs} runs, and a table holds one"
-        raise DataError("writing records as .csv was asked", fault, "Use .npz or .h5, or write each run alone.")
+        raise DataError("writing records as .csv:", fault, "Use .npz or .h5, or write each run alone.")
     outputs, inputs = record.by_run()
     sides = [("out", label, unit) for label, unit in zip(record.output_dofs, record.units[0], strict=True)]
     sides += [("in", label, unit) for label, unit in zip(record.input_dofs, record.units[1], strict=True)]

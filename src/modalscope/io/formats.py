@@ -229,7 +229,7 @@ def overridden(thing: DataObject, options: Options, path: Path | None) -> DataOb
     refused += ["conjugate"] if options.get("conjugate") and not isinstance(thing, FrequencyResponse) else []
     if refused:
         fault = f"the file gives {summary_of(thing)}, which has no such field"
-        raise DataError(f"the options {', '.join(refused)} were asked", fault, "Leave them out.")
+        raise DataError(f"the options {', '.join(refused)}:", fault, "Leave them out.")
     if isinstance(thing, Channels):
         given |= {} if path is None else {"source_path": path.absolute()}
         if "input_dofs" in given and getattr(thing, "groups", None) == input_groups(thing.input_dofs):
@@ -268,7 +268,7 @@ def format_of(path: Path, doing: str) -> Format:
         fault = f"the suffix {path.suffix!r} is unknown" if path.suffix else "it has no suffix"
         known = [name for name, each in FORMATS.items() if doing == "reading" or each.writer]
         known += [f".{name}" for name in names_added(plugins.FORMATS)] if doing == "reading" else [".xlsx"]
-        raise DataError(f"{doing} {str(path)!r} was asked", fault, f"Use one of {', '.join(known)}.")
+        raise DataError(f"{doing} {str(path)!r}:", fault, f"Use one of {', '.join(known)}.")
     return row
 
 
@@ -292,7 +292,7 @@ def check_options(name: str, options: Options, known: tuple[str, ...], doing: st
     """Raise a `DataError` for an option that a format does not know."""
     unknown = sorted(set(options) - set(known))
     if unknown:
-        asked = f"{doing} {name} with {', '.join(unknown)} was asked"
+        asked = f"{doing} {name} with {', '.join(unknown)}:"
         raise DataError(asked, f"its options are {', '.join(known) or 'none'}", "Use one of these.")
 
 
@@ -343,7 +343,7 @@ def write(path: str | Path, thing: Any, **options: Any) -> None:
     sources = sources_of(thing)
     if isinstance(thing, Analysis):
         if file.suffix.lower() != ".json":
-            asked = f"writing an analysis as {file.suffix or file.name} was asked"
+            asked = f"writing an analysis as {file.suffix or file.name}:"
             raise DataError(asked, "its document is JSON", "End the name in .analysis.json.")
         with replacing(file, sources) as temporary:
             _of("analysis", "write_analysis")(temporary, thing)
@@ -362,7 +362,7 @@ def write(path: str | Path, thing: Any, **options: Any) -> None:
     if isinstance(thing, StabilizationDiagram) and file.suffix.lower() not in _SUFFIXES_OF_DIAGRAMS:
         fault = f"diagrams are written as {' or '.join(_SUFFIXES_OF_DIAGRAMS)}"
         remedy = "Choose one of these suffixes, or write the modes that select(diagram) gives."
-        raise DataError(f"writing a stabilization diagram as {file.suffix} was asked", fault, remedy)
+        raise DataError(f"writing a stabilization diagram as {file.suffix}:", fault, remedy)
     if row.writer is None:
         raise DataError(f"{file.name} cannot be written", f"a {row.name} can only be read", "Choose another suffix.")
     check_options(file.name, options, row.write_options, "writing")

@@ -5,18 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields, replace
 from difflib import get_close_matches
-from itertools import islice
+from itertools import chain, islice
 from typing import Any
 
 import numpy as np
 
-from modalscope.data import DataError, FrequencyResponse, Geometry, ImpulseResponse, ModalModel, Signals, StateSpace
+from modalscope.data import DataError, Geometry, ModalModel, Signals, StateSpace
 from modalscope.data.shown import counted
 from modalscope.io.arrays import (
     AXES,
     FIELD_FAULTS,
     GEOMETRY,
     INDICATOR,
+    NEEDED,
     UNREFINED,
     class_of,
     field_value,
@@ -31,15 +32,6 @@ from modalscope.io.members import Lists, experiments_of, lists_of, names_selecti
 from modalscope.io.options import FIELDS
 from modalscope.numerics.checks import Array
 
-#: The arrays without which there is no such data object.
-_NEEDED: dict[type[Any], set[str]] = {
-    FrequencyResponse: {"frequencies", "values"},
-    ImpulseResponse: {"sampling_rate", "values"},
-    Signals: {"sampling_rate", "outputs"},
-    ModalModel: {"poles", "shapes"},
-    StateSpace: {"A", "B", "C"},
-    Geometry: set(),
-}
 #: Names of arrays in a message, and how alike a name is to the one that it may be meant for.
 _MAX_NAMES, _SPELLING = 12, 0.8
 
@@ -66,7 +58,7 @@ def contents_from_arrays(
     absent = sorted((set(rename) | ignore) - set().union(*names.values()))
     if absent:
         fault = f"{where} holds {_listed(arrays)}"
-        raise DataError(f"rename or ignore of {', '.join(absent)} was asked", fault, "Name arrays that are there.")
+        raise DataError(f"rename or ignore of {', '.join(absent)}:", fault, "Name arrays that are there.")
     taken = {name: array for name, array in arrays.items() if not names[name] & ignore}
     findings = [Finding(part=name, what=_shape(array)) for name, array in taken.items()]
     findings += [
@@ -88,7 +80,7 @@ def contents_from_arrays(
 
 def _refuse_rows(where: str, options: Options) -> None:
     if options.get("rows") is not None:
-        raise DataError(f"rows of {where} were asked", "it is no table", "Cut its arrays before they are saved.")
+        raise DataError(f"rows of {where}:", "it is no table", "Cut its arrays before they are saved.")
 
 
 def _without_lists(where: str, lists: Lists, findings: list[Finding], options: Options) -> Contents:
@@ -128,7 +120,7 @@ def _by_evidence(
 ) -> Contents:
     """Return the data that arrays of other names hold by names and shapes, or raise where these say nothing."""
     given = {name for name in FIELDS if options.get(name) is not None}
-    complete = data_class is not None and _NEEDED[data_class] <= {*arrays, *given}
+    complete = data_class is not None and {*NEEDED[data_class][1]} <= {*arrays, *given}
     notes: tuple[str, ...] = ()
     if not complete:
         plain = {name: array.astype(np.uint8) if array.dtype == bool else array for name, array in arrays.items()}
@@ -209,7 +201,7 @@ def _with_axes(arrays: dict[str, Array], data_class: type[Any], axes: dict[str, 
             shape = f"its shape is {arrays[name].shape}" if name in arrays else "there is no such array"
             fault = f"{shape}, and its axes may be {', '.join(wanted) or 'none'}"
             remedy = "Name each axis of the stored array once, in its order."
-            raise DataError(f"axes={{{name!r}: {' '.join(stored)!r}}} was asked", fault, remedy)
+            raise DataError(f"axes={{{name!r}: {' '.join(stored)!r}}}:", fault, remedy)
         array = np.transpose(arrays[name], [stored.index(axis) for axis in wanted if axis in stored])
         array = np.expand_dims(array, [i for i, axis in enumerate(wanted) if axis not in stored])
         arrays[name] = array[0] if wanted[0] == "runs" and "runs" not in stored else array
@@ -251,13 +243,12 @@ def _build(where: str, data_class: type[Any], arrays: dict[str, Array], given: d
 def _check_fields(where: str, data_class: type[Any], values: dict[str, Any], given: dict[str, Any]) -> None:
     """Raise where a field that the data class needs is missing, or one was asked for that it does not have."""
     present = {f.name for f in fields(data_class)}
-    needed = sorted(present & {"values", "frequencies", "sampling_rate", "outputs", "poles", "shapes"})
-    free = {"sampling_rate"} if data_class is FrequencyResponse else set()
-    missing = [name for name in needed if name not in values and name not in free]
+    needed = sorted(chain(*NEEDED[data_class]))
+    missing = [name for name in needed if name not in values]
     if missing:
         asked = f"reading {where} as {data_class.__name__} needs {', '.join(needed)}"
         raise DataError(asked, f"{', '.join(missing)} are missing", "Add the array, or give it as an option.")
     refused = sorted(set(given) - present - {"quantity"})
     if refused:
         fault = f"a {data_class.__name__} has no such field"
-        raise DataError(f"the options {', '.join(refused)} were asked", fault, "Leave them out.")
+        raise DataError(f"the options {', '.join(refused)}:", fault, "Leave them out.")

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
@@ -74,11 +75,11 @@ def with_geometry(options: Options, load: Callable[[Path], Any]) -> tuple[dict[s
     if not 1 <= len(paths) <= 2:
         fault = "it is no Geometry, path, or pair of paths of points and lines"
         remedy = 'Give geometry="points.csv" or geometry=("points.csv", "lines.csv").'
-        raise DataError(f"geometry={given!r} was asked", fault, remedy)
+        raise DataError(f"geometry={given!r}:", fault, remedy)
     points, *lines = (check_path(path) for path in paths)
     missing = next((path for path in (points, *lines) if not path.is_file()), None)
     if missing is not None:
-        asked = f"the geometry in {missing.name} was asked"
+        asked = f"the geometry in {missing.name}:"
         raise DataError(asked, "there is no such file", "Check the name and the folder.")
     if points.suffix.lower() in TABLES:
         geometry: Any = geometry_of_tables(points, lines[0] if lines else None)
@@ -86,7 +87,7 @@ def with_geometry(options: Options, load: Callable[[Path], Any]) -> tuple[dict[s
         data = load(points)
         geometry = data if isinstance(data, Geometry) else getattr(data, "geometry", None)
     if geometry is None:
-        asked = f"a geometry from {points.name} was asked"
+        asked = f"a geometry from {points.name}:"
         raise DataError(asked, "it holds none", "Give a table of points: node,x,y,z, or another file.")
     if geometry.lines.size or geometry.faces.size or len(geometry.nodes) < 2:
         return {**options, "geometry": geometry}, ()
@@ -135,21 +136,19 @@ def _points_of(path: Path) -> set[str] | None:
         return set()
     if path.suffix.lower() not in TABLES:
         return None
-    try:
+    with suppress(DataError, OSError, *DAMAGED):
         head, rows, _ = _rows(path, _FIRST)  # a long record is not read to its end for that
         places = _places(path, head, len(rows[0])) if head else {}
         return {row[places["node"]] for row in _rows(path)[1]} if {"node", "x", "y"} <= set(places) else None
-    except (DataError, OSError, *DAMAGED):
-        return None
+    return None
 
 
 def _joins(path: Path, nodes: set[str]) -> bool:
     """Whether a table has nothing but names of nodes."""
-    try:
+    with suppress(DataError, OSError, *DAMAGED):
         rows = _rows(path)[1] if path.suffix.lower() in TABLES else []
-    except (DataError, OSError, *DAMAGED):
-        return False
-    return bool(rows) and all(cell in nodes for row in rows for cell in row if cell)
+        return bool(rows) and all(cell in nodes for row in rows for cell in row if cell)
+    return False
 
 
 def with_places(contents: Contents, exact: bool) -> Contents:
@@ -360,11 +359,11 @@ def _motions(path: Path, rows: Sequence[Sequence[str]], places: dict[str, int], 
     motions: Motions = {}
     for row, node in zip(rows, names, strict=True) if "direction" in places else ():
         direction = row[places["direction"]]
-        dof = parse_dof(f"1:{direction.strip().upper()}")
-        if dof is None or dof.vector is None:
+        vector = _vector_of(direction.strip())
+        if vector is None:
             raise unreadable(f"points from {path.name}", f"{direction[:20]!r} is no direction", "Write +X, -Y, z ...")
         channel = row[places["channel"]] if "channel" in places else node
-        motions.setdefault(channel, []).append((node, dof.vector))
+        motions.setdefault(channel, []).append((node, vector))
     return motions
 
 

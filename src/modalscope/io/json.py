@@ -61,7 +61,7 @@ def write(path: Path, modes: Any, options: Options) -> None:
     if not isinstance(modes, ModalModel):
         fault = "that layout holds modes, a state-space model or a stabilization diagram"
         remedy = "Use .npz, .h5 or .uff for records and responses."
-        raise DataError(f"writing {type(modes).__name__} as .json was asked", fault, remedy)
+        raise DataError(f"writing {type(modes).__name__} as .json:", fault, remedy)
     options = {**_of_result(options.get("result")), **options}
     data = {name: getattr(modes, name) for name in (*_OF_DATA, *_OF_CHANNELS)}
     document = {

@@ -129,9 +129,7 @@ def _is_table(evidence: _Evidence) -> bool:
     rows, width = matrix.shape if len(evidence.data) == 1 and matrix.ndim == 2 else (0, 1)
     if rows > _MIN_ROWS_OF_CHANNEL * width or (1 < width < rows and even_step(matrix[:, 0])):
         return True
-    return bool(evidence.names) or any(
-        role_by_words(name.rpartition(".")[2]) in ("in", "out") for name in evidence.data
-    )
+    return bool(evidence.names) or any(_role(name) in ("in", "out") for name in evidence.data)
 
 
 def _leaf(name: str) -> str:
@@ -197,7 +195,7 @@ def _along_one_axis(
     if best is None or not others:
         evidence.rest = tuple(name for name, _, _ in axes if best and name != best[0])
         return data
-    kept = {name: array for name, array in along(best).items() if not _is_spectrum(name)}
+    kept = {name: array for name, array in along(best).items() if _role(name) != "spectrum"}
     evidence.rest = (*(axis[0] for axis in axes if axis is not best), *(name for name in data if name not in kept))
     words = f"{', '.join(axis[0] for axis in others)} and {len(data) - len(kept)} arrays that are not along {best[0]} ignored"
     evidence.notes = (f"{words} (else: --ignore {best[0]})",)
@@ -255,7 +253,7 @@ def _lines(evidence: _Evidence, axis: tuple[str, str, Array]) -> Meant | None:
         notes.append(f"axes of {key} are read as lines, outputs, inputs (else: --axes values=lines,inputs,outputs)")
     response = {"frequencies": vector / (2 * np.pi if angular else 1), "values": values}
     unused = [name for name in arrays if name != key]
-    for other in [name for name in unused if _is_coherence(name) and arrays[name].size == values.size]:
+    for other in [name for name in unused if _role(name) == "coh" and arrays[name].size == values.size]:
         if arrays[other].min() >= 0 and arrays[other].max() <= 1 + _ROUNDED:
             response["coherence"] = np.minimum(arrays[other], 1).reshape(values.shape)
             unused.remove(other)
@@ -264,12 +262,9 @@ def _lines(evidence: _Evidence, axis: tuple[str, str, Array]) -> Meant | None:
     return Meant(arrays=response, left=(*unused, *evidence.rest), notes=(*evidence.notes, *notes))
 
 
-def _is_spectrum(name: str) -> bool:
-    return role_by_words(name.rpartition(".")[2]) == "spectrum"
-
-
-def _is_coherence(name: str) -> bool:
-    return role_by_words(name.rpartition(".")[2]) == "coh"
+def _role(name: str) -> str:
+    """Return what an array is by the last part of its name."""
+    return role_by_words(name.rpartition(".")[2])
 
 
 def _first_axis(where: str, name: str, array: Array, count: int, transpose: bool = False) -> Array:
@@ -289,7 +284,7 @@ def _samples(evidence: _Evidence, options: Options) -> Meant | None:
     others = [  # settings, results
         name
         for name, array in evidence.data.items()
-        if 2 * max(array.shape) < count or (count not in array.shape and _is_spectrum(name))
+        if 2 * max(array.shape) < count or (count not in array.shape and _role(name) == "spectrum")
     ]
     measured = {name: array for name, array in evidence.data.items() if name not in others}
     arrays = {name: _first_axis(evidence.where, name, array, count, transpose) for name, array in measured.items()}
@@ -298,7 +293,7 @@ def _samples(evidence: _Evidence, options: Options) -> Meant | None:
     notes = [f"samples stand along the last axis of {', '.join(turned)}"] if turned and not transpose else []
     notes += [f"{', '.join(others[:6])} ignored: no axis has {count} samples"] if others else []
     evidence.notes, evidence.rest = (*evidence.notes, *notes), (*evidence.rest, *others)
-    forces = [name for name in arrays if _is_input(name)]
+    forces = [name for name in arrays if _leaf(name) in _INPUTS or _role(name) == "in"]
     if any(array.ndim > 3 for array in arrays.values()):
         return None
     # as many forces as responses in columns, more than one: they may be hits
@@ -330,10 +325,6 @@ def _count(evidence: _Evidence, options: Options) -> int:
         fault = f"{odd[0]} has the shape {evidence.data[odd[0]].shape}, which is more channels than samples"
         raise unreadable(evidence.where, fault, "If samples stand along its last axis, say so: --transpose")
     return longest
-
-
-def _is_input(name: str) -> bool:
-    return _leaf(name) in _INPUTS or role_by_words(name.rpartition(".")[2]) == "in"
 
 
 def _runs(evidence: _Evidence, arrays: Mapping[str, Array], forces: list[str], options: Options) -> Meant:
@@ -383,7 +374,7 @@ def _stored_axes(array: Array, samples: int) -> str:
 
 
 def _as_channels(evidence: _Evidence, arrays: Mapping[str, Array], forces: list[str]) -> str:
-    """Return how `--columns` says that forces are inputs, one a column."""
+    """Return how `--columns` says that forces are inputs, one per column."""
     place, ins = 1 + (evidence.axis is not None), []
     for name, array in arrays.items():
         width = array[0].size

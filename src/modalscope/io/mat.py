@@ -242,7 +242,7 @@ def write(path: Path, thing: ArrayData, options: Options) -> None:
     long = [name for name in arrays if len(name) > _MAX_LETTERS]
     if long:
         fault = f"the name {long[0]!r} is longer than MATLAB's {_MAX_LETTERS} characters"
-        raise DataError(f"writing {path.suffix} was asked", fault, "Use .npz or .h5.")
+        raise DataError(f"writing {path.suffix}:", fault, "Use .npz or .h5.")
     from scipy.io import savemat  # takes .025 s, and reading needs none of it
 
     savemat(str(path), arrays, appendmat=False, long_field_names=True, oned_as="column")

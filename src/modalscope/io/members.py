@@ -234,8 +234,8 @@ def stacked_runs(where: str, runs: Sequence[object]) -> Signals:
     records = [run for run in runs if isinstance(run, Signals)]
     first = records[0] if records else None
     if first is None or len(records) < len(runs):
-        asked = f"reading the members of a list in {where} as runs was asked"
-        raise unreadable(asked, "not all of them are records", "Save responses by themselves: lines, outputs, inputs.")
+        remedy = "Save responses by themselves: lines, outputs, inputs."
+        raise unreadable(f"the members of a list in {where} as runs", "not all of them are records", remedy)
     lengths = {record.samples for record in records}
     if len(lengths) > 1:
         fault = f"they have {min(lengths)} to {max(lengths)} samples"

@@ -31,9 +31,7 @@ def stays_stored(options: Options, size: int) -> bool:
     if asked is None:
         return size > allowed_memory() // _PARTS_OF_MEMORY
     if not isinstance(asked, bool):
-        raise DataError(
-            f"stored={asked!r} was asked", "it can only be True or False", "Give one of these, or leave it out."
-        )
+        raise DataError(f"stored={asked!r}:", "it can only be True or False", "Give one of these, or leave it out.")
     return asked
 
 

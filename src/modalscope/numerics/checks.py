@@ -318,7 +318,7 @@ def check_index(name: str, index: Any, count: int) -> None:
     try:
         np.empty(count)[index]
     except IndexError as error:
-        raise DataError(f"{name} of {count} were asked", f"the index is wrong: {error}", "Count from 0.") from None
+        raise DataError(f"{name} of {count}:", f"the index is wrong: {error}", "Count from 0.") from None
 
 
 def check_number(name: str, value: Any) -> float:
@@ -336,7 +336,7 @@ def check_band(band: Any) -> tuple[float, float]:
     except (TypeError, ValueError):
         raise DataError("a band needs two frequencies", f"it is {band!r}", "Give band=(lowest, highest).") from None
     if not low < high:
-        raise DataError(f"band {low:g} to {high:g} Hz was asked", "it does not increase", "Give the lower end first.")
+        raise DataError(f"band {low:g} to {high:g} Hz:", "it does not increase", "Give the lower end first.")
     return low, high
 
 
@@ -374,5 +374,5 @@ def check_path(path: Any) -> Path:
         fsencode(path)
     except UnicodeEncodeError:
         what = f"{fspath(path)!r} has characters that this system does not allow in names"
-        raise DataError("the name of a file was asked", what, "Take them out.") from None
+        raise DataError("the name of a file:", what, "Take them out.") from None
     return Path(path)

@@ -106,14 +106,14 @@ def _shown(value: str) -> str:
 class DataError(ValueError):
     """Data that cannot be used, or an option that cannot be met.
 
-    The message names the fault first, then what there is, then the remedy: what ends in "was asked" is its subject alone. It is
-    printable, and cut in the middle of its longest part where it has more than 600 characters. Remedies may name options of the
-    terminal: `args[0]` and the three parts have them, for print and page; in Python the text has its arguments (`as_read`).
+    The message is one sentence of what was asked and what there is, and the remedy on a line of its own. It is printable, and cut in
+    the middle of its longest part where it has more than 600 characters. Remedies may name options of the terminal: `args[0]` and the
+    three parts have them, for print and page; in Python the text has its arguments (`as_read`).
 
     Parameters
     ----------
     asked : str
-        What was asked for.
+        What was asked for: a subject that ends in a colon ("order=12:"), or a clause, which "but" joins to `found`.
     found : str
         What there is.
     change : str
@@ -123,9 +123,12 @@ class DataError(ValueError):
 
     Examples
     --------
-    >>> print(DataError("order=12 was asked", "the data have rank 10", "Lower the order to at most 10."))
+    >>> print(DataError("order=12:", "the data have rank 10", "Lower the order to at most 10."))
     order=12: the data have rank 10.
     Lower the order to at most 10.
+    >>> print(DataError("a report needs modes", "there are none", "Select some."))
+    a report needs modes, but there are none.
+    Select some.
     """
 
     def __init__(self, asked: str, found: str, change: str, text: str | None = None) -> None:
@@ -140,8 +143,7 @@ class DataError(ValueError):
     @property
     def fault(self) -> str:
         """The fault and what there is, without the remedy."""
-        subject = self.asked.removesuffix(" was asked").removesuffix(" were asked").rstrip(",")
-        return f"{self.asked}, but {self.found}" if subject == self.asked else f"{subject}: {self.found}"
+        return f"{self.asked} {self.found}" if self.asked.endswith(":") else f"{self.asked}, but {self.found}"
 
     def __reduce__(self) -> tuple[type[DataError], tuple[str, str, str, str | None]]:
         return type(self), (self.asked, self.found, self.change, self.text)
@@ -154,7 +156,7 @@ def check_choice(name: str, value: Any, choices: Iterable[str]) -> str:
         return value
     near = get_close_matches(str(value), names, n=1)
     hint = f"Did you mean {near[0]!r}? " if near else ""
-    raise DataError(f"{name}={value!r} was asked", f"there are only {', '.join(names)}", f"{hint}Choose one of these.")
+    raise DataError(f"{name}={value!r}:", f"there are only {', '.join(names)}", f"{hint}Choose one of these.")
 
 
 #: What others call an option -> its name here.
@@ -195,7 +197,7 @@ def check_option_names(
             hint = f"did you mean {near[0]!r}?"
         else:
             hint = f"its options are {', '.join(options)}" if options else "it has no options"
-        raise DataError(f"{name} of {call} was asked", found, f"{hint[0].upper()}{hint[1:]}", f"{found}; {hint}")
+        raise DataError(f"{name} of {call}:", found, f"{hint[0].upper()}{hint[1:]}", f"{found}; {hint}")
 
 
 def optional_package(asked: str, package: str, extra: str, name: str | None = None) -> Any:
@@ -210,4 +212,4 @@ def optional_package(asked: str, package: str, extra: str, name: str | None = No
         return import_module(package)
     except ImportError:
         fault = f"{name or package} is not installed"
-        raise DataError(f"{asked} was asked", fault, f"Run: pip install 'modalscope[{extra}]'") from None
+        raise DataError(f"{asked}:", fault, f"Run: pip install 'modalscope[{extra}]'") from None

@@ -115,7 +115,7 @@ def as_refused(folder: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        asked, fault = f"partial sums in {str(folder)!r} were asked", (error.strerror or str(error)).lower()
+        asked, fault = f"partial sums in {str(folder)!r}:", (error.strerror or str(error)).lower()
         raise DataError(asked, f"the system refuses: {fault}", "Choose a folder that you may write to.") from None
 
 
@@ -162,7 +162,7 @@ def _by_workers(client: Any, work: Callable[[Task], Done], tasks: Sequence[Task]
 def _result(future: Any) -> Any:
     """Return what a worker found; that the work ends its workers, or that the scheduler is gone, is said in words."""
     distributed = import_module("distributed")
-    asked = "sums by the workers of a scheduler were asked"
+    asked = "sums by the workers of a scheduler:"
     try:
         return future.result()
     except distributed.scheduler.KilledWorker as error:

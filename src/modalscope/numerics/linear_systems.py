@@ -64,7 +64,7 @@ def transfer(A: RealArray, B: RealArray, C: RealArray, D: RealArray, points: Com
     for first in range(0, points.size, step):
         x = points[first : first + step]
         if np.any(x[:, None] == poles):
-            raise DataError("the response at a pole was asked", "it is infinite", "Leave that frequency out.")
+            raise DataError("the response at a pole:", "it is infinite", "Leave that frequency out.")
         solution = np.empty((n, x.size, m), dtype=complex)
         for i in range(n - 1, -1, -1):
             above = np.tensordot(S[i, i + 1 :], solution[i + 1 :], axes=1)

@@ -32,11 +32,11 @@ def added(group: str, name: str) -> Any:
     """
     point = next((point for point in _points(group) if point.name == name), None)
     if point is None:
-        raise DataError(f"{name} of {group} was asked", "no installed package adds it", "Install modalscope again.")
+        raise DataError(f"{name} of {group}:", "no installed package adds it", "Install modalscope again.")
     try:
         return point.load()
     except Exception as error:  # noqa: BLE001 - the code of others may raise anything
-        asked = f"{name} of the installed package {getattr(point.dist, 'name', point.value)} was asked"
+        asked = f"{name} of the installed package {getattr(point.dist, 'name', point.value)}:"
         raise DataError(asked, f"it does not load ({type(error).__name__}: {error})", "Update or remove it.") from None
 
 

@@ -55,7 +55,7 @@ def device_named(name: str | None) -> Device | None:
     torch = optional_package(f"device={name!r}", "torch", "torch")
     optional_package(f"device={name!r}", "array_api_compat", "torch")
     if name == "cuda" and not torch.cuda.is_available():
-        raise DataError("device='cuda' was asked", "PyTorch finds no graphics card", "Use device='cpu' or none.")
+        raise DataError("device='cuda':", "PyTorch finds no graphics card", "Use device='cpu' or none.")
     return Device(name, torch)
 
 
@@ -122,7 +122,7 @@ def check_fits(what: str, size: float, change: str) -> None:
     """
     most = allowed_memory()
     if size > most:
-        raise DataError(f"{what} was asked", f"it takes about {in_words(size)} of memory, of {in_words(most)}", change)
+        raise DataError(f"{what}:", f"it takes about {in_words(size)} of memory, of {in_words(most)}", change)
 
 
 def in_words(size: float) -> str:

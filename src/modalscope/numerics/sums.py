@@ -189,7 +189,7 @@ def _locked(path: Path) -> IO[bytes]:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         file.close()
-        asked, fault = f"partial sums in {str(path.parent)!r} were asked", "another run works on the same sums there"
+        asked, fault = f"partial sums in {str(path.parent)!r}:", "another run works on the same sums there"
         raise DataError(asked, fault, "Wait until it ends, or give another folder.") from None
     except (ImportError, OSError):  # Windows, and some file systems, have no such locks
         pass

@@ -59,9 +59,7 @@ def iasc_asce(*, without_braces: Iterable[int] = (), damping_ratio: float = 0.01
     """
     lost = set(without_braces)
     if not lost <= {1, 2, 3, 4}:
-        raise DataError(
-            f"storeys {sorted(lost)} without braces were asked", "the storeys are 1 to 4", "Name some of these."
-        )
+        raise DataError(f"storeys {sorted(lost)} without braces:", "the storeys are 1 to 4", "Name some of these.")
     missing = np.array([storey in lost for storey in (1, 2, 3, 4)], dtype=float)
     length = np.hypot(_HALF, _HEIGHT)
     brace = _E * _BRACE / length * (_HALF / length) ** 2

@@ -55,7 +55,7 @@ def modal_damping(M: RealArray, K: RealArray, ratios: Array | float) -> RealArra
     w, Phi = undamped_modes(M, K)
     if np.shape(ratios) not in ((), w.shape):
         raise DataError(
-            f"damping ratios of {w.size} modes were asked",
+            f"damping ratios of {w.size} modes:",
             f"their shape is {np.shape(ratios)}",
             "Give one for all modes, or one per mode.",
         )
@@ -139,7 +139,7 @@ def _coupled(M: RealArray, D: RealArray, K: RealArray) -> _Modes:
 
 def _critical() -> DataError:
     return DataError(
-        "the modes of the structure were asked",
+        "the modes of the structure:",
         "a pole is repeated without an eigenvector of its own (critical damping, or a rigid motion with coupled damping)",
         "Use state_space() and its modal_form(), or change the damping a little.",
     )

@@ -129,12 +129,12 @@ def _forces(inputs: Inputs, count: int, samples: int | None, runs: int, rng: np.
     given = real_array("inputs", inputs, "(samples, inputs) or (runs, samples, inputs)", (2, 3))
     given = given[None] if given.ndim == 2 else given
     if given.shape[2] != count:
-        asked, have = f"forces on {count} degrees of freedom were asked", f"inputs has {given.shape[2]} columns"
+        asked, have = f"forces on {count} degrees of freedom:", f"inputs has {given.shape[2]} columns"
         raise DataError(asked, have, "Give one column for each, or name them by `at`.")
     if samples not in (None, given.shape[1]) or runs not in (1, given.shape[0]):
         have = f"the forces have samples={given.shape[1]}, runs={given.shape[0]}"
         change = "Leave samples, duration and runs out: the forces give them."
-        raise DataError(f"samples={samples}, runs={runs} was asked", have, change)
+        raise DataError(f"samples={samples}, runs={runs}:", have, change)
     return given
 
 
@@ -143,7 +143,7 @@ def _stationary_root(model: StateSpace, scale: RealArray) -> RealArray:
     radius = float(np.abs(model.poles).max())
     if radius >= 1:
         have = f"the model has an unstable pole (modulus {radius:.6g} in the z-plane)"
-        raise DataError("a stationary start was asked", have, 'Give damping and supports, or start="rest".')
+        raise DataError("a stationary start:", have, 'Give damping and supports, or start="rest".')
     B = model.B * scale
     values, vectors = np.linalg.eigh(_stationary_covariance(model.A, B @ B.T))
     return np.asarray(vectors * np.sqrt(np.clip(values, 0, None)))

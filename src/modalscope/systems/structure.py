@@ -48,10 +48,7 @@ def dynamic_response(
         try:
             motion = np.linalg.solve(K + s * (D + s * M), force)
         except np.linalg.LinAlgError:
-            asked, change = (
-                f"the frequency response at {lines[k]:g} Hz was asked",
-                "Leave that line out, or give damping.",
-            )
+            asked, change = (f"the frequency response at {lines[k]:g} Hz:", "Leave that line out, or give damping.")
             raise DataError(asked, "the structure has an undamped pole there", change) from None
         values[k] = s ** QUANTITIES[quantity] * motion[rows]
     return values
@@ -123,9 +120,7 @@ class Assembly:
         if sampling_rate is not None:
             return 1 / check_positive("sampling_rate", sampling_rate)
         if self.dt is None:
-            raise DataError(
-                "a sampled response was asked", f"{self.name} has no sampling interval", "Give sampling_rate."
-            )
+            raise DataError("a sampled response:", f"{self.name} has no sampling interval", "Give sampling_rate.")
         return self.dt
 
     def _labels(self, rows: list[int], columns: list[int], quantity: str) -> dict[str, Any]:

@@ -282,7 +282,7 @@ def test_covariates_of_refused_records_may_be_given_too(months: Store, tmp_path:
     given = {"air": np.insert(np.sin(np.arange(240) / 9), 97, 50.0)}
     (alarm,) = months.alarms(reference=(0, 3600 * 150), covariates=given)
     assert alarm.interval[0] <= 3600 * 180 <= alarm.interval[1]
-    with pytest.raises(DataError, match="one value a record"):
+    with pytest.raises(DataError, match="one value per record"):
         months.alarms(reference=(0, 3600 * 150), covariates={"air": np.zeros(239)})
 
 
@@ -310,7 +310,7 @@ def test_files_are_added_once_with_their_times_and_what_was_measured(store: Stor
     assert store.add([]) == 0
     with pytest.raises(DataError, match=r"times.*one per file"):
         store.add(files, times=[0.0])
-    with pytest.raises(DataError, match=r"air.*one value a file"):
+    with pytest.raises(DataError, match=r"air.*one value per file"):
         store.add(files, covariates={"air": [1.0]})
     with pytest.raises(DataError, match="there is no such file"):
         store.add([*files, tmp_path / "nowhere.csv"])

@@ -102,7 +102,7 @@ def test_certify_reads_outside_where_that_is_said(place: Path, monkeypatch: pyte
 
     def told(*_: Any, allow_outside: bool, **__: Any) -> None:
         asked.append(allow_outside)
-        raise ms.DataError("replay was asked", "this is enough", "End.")
+        raise ms.DataError("replay:", "this is enough", "End.")
 
     monkeypatch.setattr("modalscope.analysis.checking.certify.replay", told)
     for allowed in (False, True):

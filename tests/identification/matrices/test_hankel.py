@@ -105,7 +105,7 @@ def test_sums_are_warned_of_and_selections_are_not(response):
         ({"row_subsets": [[0, 1]] * 4}, "row_subsets needs all 3 outputs in the first block"),
         ({"row_subsets": [[0, 1, 2]] * 3}, "row_subsets needs 4 sets"),
         ({"row_subsets": [[0, 1, 2], [3], [0], [0]]}, "index outside"),
-        ({"row_subsets": [[0, 1, 2], [1, 1], [0], [0]]}, "once a block"),
+        ({"row_subsets": [[0, 1, 2], [1, 1], [0], [0]]}, "once per block"),
         ({"row_weights": [1, 0, 1]}, "row_weights needs positive weights"),
         ({"column_weights": [1, 1, 1]}, "column_weights needs 2 or 10 entries"),
         ({"row_compression": np.ones((2, 5))}, "row_compression needs 3 columns"),

@@ -170,7 +170,7 @@ def test_what_was_stopped_between_two_orders_has_no_result(tmp_path: Path) -> No
     run.run(document_of(data, tmp_path, orders=orders))
     for suffix in (".json", ".csv", ".uff", ".analysis.json"):
         assert TASKS["export"](run.stages, None, suffix, str(tmp_path / f"a{suffix}")).stat().st_size
-    refused("Choose one", TASKS["export"], run.stages, None, ".exe", str(tmp_path / "a.exe"))
+    refused("'.exe' is unknown", TASKS["export"], run.stages, None, ".exe", str(tmp_path / "a.exe"))
     refused("there are 4 outputs", TASKS["channel"], run.stages, None, 9, 0)
 
 

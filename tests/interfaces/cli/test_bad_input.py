@@ -198,7 +198,7 @@ def test_a_report_cut_short_does_not_replace_an_earlier_one(tmp_path, monkeypatc
     target.write_text("the good one")
 
     def fails(*_: object, **__: object) -> str:
-        raise ms.DataError("a page was asked", "it fails", "Nothing.")
+        raise ms.DataError("a page:", "it fails", "Nothing.")
 
     monkeypatch.setattr("modalscope.interfaces.reporting.document.page", fails)
     assert main(["identify", str(source), "-o", str(target)]) == 2

@@ -310,7 +310,7 @@ def test_what_cannot_be_refined_is_refused():
     refused("errors of correlations are correlated", ms.refine, replace(data, kind="correlation"), truth)
     refused("4 outputs and 2 inputs, the modes others", ms.refine, data, model(3, 2))
     refused("36 unknowns", ms.refine, replace(data, values=data.values[:4]), truth)
-    refused("one positive number a line", ms.refine, lines(truth), truth, weights=np.ones(7))
+    refused("one positive number per line", ms.refine, lines(truth), truth, weights=np.ones(7))
     assert len(ms.refine(data, truth.take([]))) == 0
 
 

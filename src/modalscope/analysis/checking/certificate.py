@@ -134,7 +134,7 @@ def replicates_of(
     row = find_method(diagram.method, diagram.domain, diagram.domain, diagram.settings.route)
     if of_past(row):
         have = "it needs records, and replicates are responses"
-        raise DataError(f"a certificate of {row.label} was asked", have, "Certify another method on the same record.")
+        raise DataError(f"a certificate of {row.label}:", have, "Certify another method on the same record.")
     response, order = diagram.response, nearest_order(diagram, modes.unrefined or modes)
     beside = np.zeros(0, complex) if modes.unrefined is None else terms_of(modes.unrefined)[0]
     clean = rebuilt(response, modes)

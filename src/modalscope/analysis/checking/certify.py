@@ -90,7 +90,7 @@ def certify(
         result = replay(result.analysis, data, allow_outside=allow_outside)
     parts = [int(note.numbers["parts"]) for note in result.diagram.notes if note.kind == SPLIT]
     if len(result.diagrams) > 1 or parts:
-        asked = f"a certificate of {(*parts, len(result.diagrams))[0]} bands was asked"
+        asked = f"a certificate of {(*parts, len(result.diagrams))[0]} bands:"
         raise DataError(asked, "replicates need one band", "Analyse the bands one by one: analyze(data, band=...).")
     diagram = result.diagram
     made = replicates_of(diagram, result.modes, _records(result, diagram), whole=select)

@@ -117,7 +117,7 @@ def validate(data: Any, modes: Any, *, leaving: str = "inputs") -> Validation | 
     response = measure(data).response
     if response.ambient or not response.separable:
         have, change = "the data are correlations or records", "Give frequency or impulse responses."
-        raise DataError("a validation on channels left out was asked", have, change)
+        raise DataError("a validation on channels left out:", have, change)
     labels = response.input_dofs if leaving == "inputs" else response.output_dofs
     if len(labels) < _MIN_PARTS:
         change = f"Give {_MIN_PARTS} at least, or leave out the other side."

@@ -94,7 +94,7 @@ def tasks_of(
             cells = tuple(sorted(cells, key=lambda c: (c.method.name, c.method.domain) != usual))
         tasks += [(data, cell) for cell in cells]
     if not tasks:
-        raise DataError("a comparison was asked", "no method of these names takes these data", 'Use methods="all".')
+        raise DataError("a comparison:", "no method of these names takes these data", 'Use methods="all".')
     return tasks, tuple(dict.fromkeys(notes))
 
 
@@ -138,7 +138,7 @@ def plan(
     notes = tuple(f"{', '.join(dict.fromkeys(names))} left out: {why}" for why, names in refused.items())
     if not chosen and route is None:
         have = notes[0] if notes else "no method was named"
-        raise DataError("a comparison was asked", have, 'Name methods, or methods="all".')
+        raise DataError("a comparison:", have, 'Name methods, or methods="all".')
     asked = STATES.ladder(response) if orders is None else checked_orders(orders)
     aside = [m for m in chosen if all_sets and not (m.votes and m in table())]
     cells = (

@@ -418,11 +418,11 @@ def find_by_name(results: Sequence[MethodResult], name: str | tuple[str, str]) -
         return matches[0]
     listed = [r.name for r in matches or results]
     if matches:
-        raise DataError(f"the result of {asked!r} was asked", f"that is {' and '.join(listed)}", "Name one of these.")
+        raise DataError(f"the result of {asked!r}:", f"that is {' and '.join(listed)}", "Name one of these.")
     spelt = {_plain(word): word for r in results for word in (r.name, r.label)}
     near = get_close_matches(wanted, spelt, n=1, cutoff=0.5)
     change = f"Did you mean {spelt[near[0]]!r}? Name one of these." if near else "Name one of these."
-    raise DataError(f"the result of {asked!r} was asked", f"there are {', '.join(listed) or 'none'}", change)
+    raise DataError(f"the result of {asked!r}:", f"there are {', '.join(listed) or 'none'}", change)
 
 
 def _names(method: Method) -> set[str]:

@@ -1,4 +1,4 @@
-"""Hold the modes of many records: one row a mode, with the time of its record and what else was measured then."""
+"""Hold the modes of many records: one row per mode, with the time of its record and what else was measured then."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _COLUMNS = {
     "damping_ratio_std": "damping_ratios_std",
 }
 
-#: Fields that hold one number a mode.
+#: Fields that hold one number per mode.
 PER_MODE = tuple(_COLUMNS.values())
 
 
@@ -78,7 +78,7 @@ def as_seconds(name: str, value: Any) -> float:
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True, repr=False)
 class History(Shown):
-    """The modes of many records, one row a mode, in the order of time.
+    """The modes of many records, one row per mode, in the order of time.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ class History(Shown):
         if record.ndim != 1 or record.dtype.kind not in "iu" or (n and not 0 <= record.min() <= record.max() < count):
             raise DataError("record needs the record of each mode", f"there are {count}", "Count them from 0.")
         if np.any(np.diff(record) < 0) or np.any(np.diff(times) < np.timedelta64(0)):
-            raise DataError("records were asked in the order of time", "they are not", "Sort times, and record.")
+            raise DataError("record and times need the order of time", "they are not in it", "Sort times, and record.")
         unknown = np.full(n, np.nan)
         given = {name: getattr(self, name) for name in PER_MODE}
         rows = {
@@ -145,7 +145,7 @@ class History(Shown):
             raise DataError("frequencies need positive numbers", "one is not", "Leave such poles out.")
         shapes = np.ones((n, 0), complex) if self.shapes is None else np.asarray(self.shapes)
         if shapes.ndim != 2 or shapes.dtype.kind not in "fc":
-            raise DataError("shapes need axes (modes, outputs)", f"they are {shapes.shape}", "Give a row a mode.")
+            raise DataError("shapes need axes (modes, outputs)", f"they are {shapes.shape}", "Give a row per mode.")
         dofs = tuple(map(str, self.output_dofs)) or tuple(f"y{k + 1}" for k in range(shapes.shape[1]))
         names = tuple(map(str, self.names)) or tuple(f"record {k + 1}" for k in range(count))
         check_kind("covariates", self.covariates, Mapping)
@@ -181,7 +181,7 @@ class History(Shown):
         return np.asarray(self.times.astype(np.int64) / 1000.0)
 
     def to_pandas(self) -> Any:
-        """Return a DataFrame, one row a mode: time, record, frequency, damping ratio, deviations and covariates.
+        """Return a DataFrame, one row per mode: time, record, frequency, damping ratio, deviations and covariates.
 
         Raises
         ------

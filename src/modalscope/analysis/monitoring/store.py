@@ -91,11 +91,11 @@ class Store:
         self.path = check_path(path)
         new = not self.path.exists() or self.path.stat().st_size == 0
         if not self.path.parent.is_dir():
-            raise DataError(f"the store {self.path} was asked", "its folder is not there", "Make the folder first.")
+            raise DataError(f"the store {self.path}:", "its folder is not there", "Make the folder first.")
         beside = [self.path.with_name(self.path.name + end) for end in ("-wal", "-journal", "-shm")]
         for path in (self.path, *beside):  # SQLite waits at a pipe
             if (path.is_symlink() and path != self.path) or (path.exists() and not path.is_file()):
-                raise DataError(f"the store {self.path.name} was asked", f"{path.name} is no file", "Take it away.")
+                raise DataError(f"the store {self.path.name}:", f"{path.name} is no file", "Take it away.")
         with self._plainly():
             self._file = sqlite3.connect(self.path, timeout=_PATIENCE, isolation_level=None)
             try:
@@ -129,12 +129,12 @@ class Store:
             fault = "it is damaged"
         if fault:
             remedy = "Name a store of this version, or make it anew from its records."
-            raise DataError(f"the store {self.path.name} was asked", fault, remedy)
+            raise DataError(f"the store {self.path.name}:", fault, remedy)
 
     @contextmanager
     def _plainly(self) -> Iterator[None]:
         """Turn what SQLite and JSON say of a damaged file into a `DataError`."""
-        asked = f"the store {self.path.name} was asked"
+        asked = f"the store {self.path.name}:"
         try:
             yield
         except sqlite3.ProgrammingError:
@@ -267,13 +267,13 @@ class Store:
             paths = settled(paths[0], SETTLED)[0]
         for path in paths:
             if not path.exists():
-                raise DataError(f"{str(path)!r} was asked", "there is no such file", "Check the name.")
+                raise DataError(f"{str(path)!r}:", "there is no such file", "Check the name.")
         when = None if times is None else np.atleast_1d(as_times("times", times)).astype(float) / 1000
         if when is not None:
             check_shape("times", when, "one per file", (len(paths),))
         columns = {key: real_array(key, np.atleast_1d(x), "(files,)", 1, finite=False) for key, x in given.items()}
         for key, column in columns.items():
-            check_shape(key, column, "one value a file", (len(paths),))
+            check_shape(key, column, "one value per file", (len(paths),))
         place = {path: k for k, path in enumerate(paths)}
         tasks = [
             task._replace(
@@ -420,7 +420,7 @@ class Store:
             body, mark, seal = str(row[-1]).rpartition(_SEAL[2:])
             if mark and seal != f'{_checksum([*row[:-1], body.removesuffix(", ") + "}"], *rows)}"}}':
                 fault = f"the record {row[1]!r} is damaged: it is not as it was written"
-                raise DataError(f"the store {self.path.name} was asked", fault, "Make it anew from its records.")
+                raise DataError(f"the store {self.path.name}:", fault, "Make it anew from its records.")
             heads.append(dict(zip(_HEAD, row, strict=True)))
             found.append(rows)
         return heads, found
@@ -510,7 +510,7 @@ class Store:
         )
 
     def to_pandas(self) -> Any:
-        """Return a DataFrame, one row a mode; see `History.to_pandas`."""
+        """Return a DataFrame, one row per mode; see `History.to_pandas`."""
         return self.history().to_pandas()
 
 

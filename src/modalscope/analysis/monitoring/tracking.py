@@ -92,7 +92,7 @@ def track(history: History) -> Tracks:
     """
     if len(history) < 2 or history.frequencies.size < 2:
         have = f"there are {len(history)} records with {history.frequencies.size} modes"
-        raise DataError("tracks of modes were asked", have, "Give more records.")
+        raise DataError("tracks of modes:", have, "Give more records.")
     follower = _Follower(history)
     follower.search()
     while True:

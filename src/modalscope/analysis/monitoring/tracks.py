@@ -161,11 +161,11 @@ class Tracks(Shown):
         return rows
 
     def table(self) -> str:
-        """Return a row a track: frequency, scatter, how often it was seen, first and last record, doubles, doubts."""
+        """Return a row per track: frequency, scatter, how often it was seen, first and last record, doubles, doubts."""
         return "\n".join([text_table(self.rows()), *self.notes])
 
     def to_pandas(self) -> Any:
-        """Return a DataFrame of frequencies, a row a record, a column a track, and of what else was measured.
+        """Return a DataFrame of frequencies, a row per record, a column per track, and of what else was measured.
 
         Raises
         ------
@@ -270,7 +270,7 @@ class Explained(Shown):
         return rows
 
     def table(self) -> str:
-        """Return a row a track: coefficients with deviations, part explained, scatter before and after."""
+        """Return a row per track: coefficients with deviations, part explained, scatter before and after."""
         return "\n".join([text_table(self.rows()), *self.notes])
 
 
@@ -333,7 +333,7 @@ def explain(
     given = dict(tracks.history.covariates if covariates is None else covariates)
     measured = {name: real_array(name, x, "(records,)", 1, finite=False) for name, x in given.items()}
     for name, x in measured.items():
-        check_shape(name, x, "one value a record", (len(tracks.history),))
+        check_shape(name, x, "one value per record", (len(tracks.history),))
     y = _relative(tracks, inside)
     if not measured:
         noise = np.maximum(tracks.scatter / np.nanmedian(tracks.frequencies, axis=0), 1e-12)

@@ -96,7 +96,7 @@ def collect(
     place = check_path(folder)
     check_option_names("analyze", options or {}, CHOICES)
     if not str(folder) or not place.is_dir():  # no name at all is no folder, and not the one that the program works in
-        raise DataError(f"records in {str(place)!r} were asked", "there is no such folder", "Name a folder.")
+        raise DataError(f"records in {str(place)!r}:", "there is no such folder", "Name a folder.")
     files, waiting = still(place, settled)
     new = store.unknown(files)
     added = 0
@@ -146,7 +146,7 @@ def read_covariates(path: str | Path, *, statistic: str = "mean") -> tuple[Any, 
     if place.suffix.lower() == ".nc":
         weather: tuple[Any, dict[str, RealArray]] = added(READINGS, "weather")(place, statistic)
         return weather
-    asked = f"a table of covariates in {place.name} was asked"
+    asked = f"a table of covariates in {place.name}:"
     remedy = "Give a text table: time, then a column for each, with their names in the first line."
     try:
         text = place.read_text(encoding="utf-8-sig")

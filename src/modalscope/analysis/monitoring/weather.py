@@ -43,10 +43,10 @@ def inside_of(times: Array, during: Any) -> BoolArray:
         inside = (times >= first) & (times <= last)
     else:
         found = f"they are {str(during)[:60]}"
-        raise DataError("records to estimate from were asked", found, "Give two times, or a bool a record.")
+        raise DataError("records to estimate from:", found, "Give two times, or a bool a record.")
     if not inside.any():
         span = " to ".join(str(t.astype("datetime64[m]")) for t in times[[0, -1]])
-        raise DataError("records to estimate from were asked", "there are none then", f"The records are of {span}.")
+        raise DataError("records to estimate from:", "there are none then", f"The records are of {span}.")
     return np.asarray(inside)
 
 

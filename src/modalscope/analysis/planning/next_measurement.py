@@ -283,22 +283,22 @@ class _Test:
         responses = [diagram.response for diagram in result.diagrams]
         if any(response.ambient or not response.separable for response in responses) or modes.participation is None:
             change = 'Measure the forces, too, or estimate responses from those measured (route="frf").'
-            raise DataError("a plan was asked", "the data are no responses to forces that act one by one", change)
+            raise DataError("a plan:", "the data are no responses to forces that act one by one", change)
         if len(responses) != 1:
             have = f"the result has diagrams of {counted(len(responses), 'band')}"
-            raise DataError("a plan was asked", have, "Give a result of `analyze` with one band.")
+            raise DataError("a plan:", have, "Give a result of `analyze` with one band.")
         self._response = response = responses[0]
         interval = modes.interval() if len(modes) and modes.frequencies_std is not None else None
         if interval is None or not np.isfinite(interval["frequency"]).any():
             change = "Widen the band, or give a result of `analyze` with refined modes."
-            raise DataError("a plan was asked", f"none of {counted(len(modes), 'mode')} has an interval", change)
+            raise DataError("a plan:", f"none of {counted(len(modes), 'mode')} has an interval", change)
         keys = {"damping": "damping_ratio", "frequency": "frequency"}
         self._widths = {what: np.diff(interval[key], axis=-1)[:, 0] / 2 for what, key in keys.items()}
         left = response.values - rebuilt(response, for_judging(response, modes))
         noise = np.sqrt(np.mean(np.abs(left) ** 2, axis=0) / (2 if np.iscomplexobj(left) else 1))
         if not np.all(noise > 0):
             have = "the data have channels without noise"
-            raise DataError("a plan was asked", have, "Further measurements lower nothing there: give measured data.")
+            raise DataError("a plan:", have, "Further measurements lower nothing there: give measured data.")
         shapes, drive, known = self._places(modes, noise)
         self._residues = np.einsum("ok,ki->oik", shapes, drive) / self._noise[:, :, None]
         self._told = information(slopes_left(response, modes.poles), self._residues)
@@ -500,7 +500,7 @@ class _Test:
         modes, heard = self.modes, self._heard
         if modes.shapes_std is None or heard < 2:
             have = "shapes without deviations" if heard > 1 else "one output, whose shape is a single number"
-            raise DataError("shapes were asked", f"the result has {have}", "Ask for damping or frequency.")
+            raise DataError("shapes:", f"the result has {have}", "Ask for damping or frequency.")
         size = np.sum(np.abs(modes.shapes) ** 2, axis=0)
         away = np.sum(modes.shapes_std**2, axis=0) / size * (1 - 1 / max(heard, 2))
         told = [np.mean((self._weights(w) / self._noise**2)[:heard] @ self._sides, axis=0) for w in ({}, more)]

@@ -302,7 +302,7 @@ def setups_apart(data: Any, document: Analysis) -> tuple[Signals, ...]:
     if not setups_of(data) or len(document.bands) > 1:
         have = f"there is {type(data).__name__} with {counted(len(document.bands), 'band')}"
         change = "Give several ambient records with common outputs, and one band or none."
-        raise DataError("identifying setups apart was asked", have, change)
+        raise DataError("identifying setups apart:", have, change)
     return setups_of(data.select(exclude=document.exclude) if document.exclude else data)
 
 

@@ -85,7 +85,7 @@ def full_field(
         pending.replace(folder)
     except OSError as error:
         have = f"the system refuses: {error.strerror or error}"
-        raise DataError(f"writing {folder} was asked", have, "Choose another place.") from None
+        raise DataError(f"writing {folder}:", have, "Choose another place.") from None
     finally:
         shutil.rmtree(pending, ignore_errors=True)
     return FullField(folder, outputs, len(modes), float(np.sqrt(left / whole)) if whole else 0.0, errors)
@@ -95,7 +95,7 @@ def _new_folder(path: Any) -> Path:
     target = Path(path)
     if target.suffix.lower() != ".zarr" or target.exists():
         found = "it is there already" if target.exists() else "it does not end in .zarr"
-        raise DataError(f"shapes in the folder {target.name} were asked", found, "Name a new folder, shapes.zarr.")
+        raise DataError(f"shapes in the folder {target.name}:", found, "Name a new folder, shapes.zarr.")
     if not target.parent.is_dir():
-        raise DataError(f"writing {target} was asked", f"there is no folder {target.parent}", "Make it first.")
+        raise DataError(f"writing {target}:", f"there is no folder {target.parent}", "Make it first.")
     return target

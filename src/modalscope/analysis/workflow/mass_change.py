@@ -76,7 +76,7 @@ def scale_by_mass(modes: ModalModel, changed: ModalModel, masses: Mapping[str, f
     added = _masses(masses, pairs.a.output_dofs)
     if not len(pairs.first):
         raise DataError(
-            "modes before and after a change of mass were asked",
+            "modes before and after a change of mass:",
             f"none of the {len(modes)} modes before is one of the {len(changed)} after",
             "Give two tests of one structure; smaller masses move the modes less.",
         )
@@ -106,7 +106,7 @@ def _masses(masses: Mapping[str, float], outputs: tuple[str, ...]) -> RealArray:
     for place, (dof, mass) in zip(indices_of("mass at", tuple(masses), outputs), masses.items(), strict=True):
         added[place] += check_number(f"the mass at {dof}", mass)
     if not np.any(added):
-        raise DataError("a change of mass was asked", "none is given", 'Give kg at outputs: masses={"3:+Z": 12.5}.')
+        raise DataError("a change of mass:", "none is given", 'Give kg at outputs: masses={"3:+Z": 12.5}.')
     return added
 
 

@@ -91,7 +91,7 @@ class RealizedModel(StateSpace):
         """
         if self.directions is None:
             raise DataError(
-                "standard deviations of a frequency response were asked",
+                "standard deviations of a frequency response:",
                 "the model has no covariance: it was identified from responses, is unstable, or has too many states",
                 "Realize it from records with inputs, with fewer states or samples.",
             )

@@ -115,12 +115,12 @@ def merge_modes(
     for part in parts:
         check_kind("each of the results", part, ModalModel)
     if not parts:
-        raise DataError("modes of several setups were asked", "the list is empty", "Give the modes of each.")
+        raise DataError("modes of several setups:", "the list is empty", "Give the modes of each.")
     common = common_outputs(parts)
     labels = check_groups(groups, len(parts), "setup", tuple(f"setup {j + 1}" for j in range(len(parts))))
     given = None if responses is None else check_each("responses", responses, "one per setup")
     if given is not None and len(given) != len(parts):
-        raise DataError(f"{len(parts)} responses were asked", f"{len(given)} are given", "Give one per result.")
+        raise DataError(f"{len(parts)} responses:", f"{len(given)} are given", "Give one per result.")
     found = _together(parts, common, tolerance)
     enough = [mode for mode in found if 2 * len(mode) > len(parts)]
     kept = [mode for mode in enough if given is not None or len(mode) == len(parts)]

@@ -78,7 +78,7 @@ def _field_basis(stored: StoredResponse, modes: ModalModel) -> RealArray:
     inputs = len(stored.input_dofs)
     if participation.shape[1] != inputs:
         raise DataError(
-            f"shapes of responses to {inputs} inputs were asked",
+            f"shapes of responses to {inputs} inputs:",
             f"the inputs of the modes are {participation.shape[1]}",
             "Give the modes that were identified from these responses.",
         )
@@ -148,7 +148,7 @@ def fit_residues(
     check_size(response)
     powers = _powers(response, residuals, kind)
     if len(modes) == 0:
-        raise DataError("a fit of residues was asked", "there are no modes", "Identify modes first.")
+        raise DataError("a fit of residues:", "there are no modes", "Identify modes first.")
     unknowns = 2 * len(modes) + len(powers)
     if 2 * response.lines < unknowns:
         raise DataError(
@@ -188,12 +188,12 @@ def _powers(response: FrequencyResponse, residuals: bool, kind: str) -> tuple[in
     quantity = response.quantity
     if response.sampling_rate is not None:
         if kind == "real":
-            raise DataError("real modes were asked", "the response is that of a sampled system", "Use kind='complex'.")
+            raise DataError("real modes:", "the response is that of a sampled system", "Use kind='complex'.")
         return (0,)
     if kind == "real":
-        known_quantity(quantity, "real modes were asked")
+        known_quantity(quantity, "real modes:")
     elif residuals:
-        outside = "residuals of modes outside the band were asked"
+        outside = "residuals of modes outside the band:"
         known_quantity(quantity, outside, otherwise=", or residuals=False for a constant")
     return () if kind == "real" and not residuals else residual_powers(quantity, residuals)
 
@@ -205,7 +205,7 @@ def _basis(
     if kind == "complex":
         return basis
     if np.any(poles.imag == 0):
-        raise DataError("real modes were asked", "there are real poles", "Leave them out with take().")
+        raise DataError("real modes:", "there are real poles", "Leave them out with take().")
     s = 2j * np.pi * response.frequencies[:, None]
     power = QUANTITIES[response.quantity or ""]
     one = s**power / (s**2 - 2 * poles.real * s + np.abs(poles) ** 2)
@@ -227,7 +227,7 @@ def _given_rows(modes: ModalModel, response: FrequencyResponse, kind: str) -> Co
     if modes.participation is None or modes.participation.shape[1] != response.values.shape[2]:
         found = "none" if modes.participation is None else f"that of {modes.participation.shape[1]} inputs"
         raise DataError(
-            "participation='given' was asked",
+            "participation='given':",
             f"the modes have {found}, the response has {response.values.shape[2]} inputs",
             "Use participation='free'.",
         )

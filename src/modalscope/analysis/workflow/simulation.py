@@ -313,7 +313,7 @@ def simulated(model: StateSpace, record: Any) -> ModelValidation:
     have = len(records.output_dofs), len(records.input_dofs)
     if have != (l, m) or not np.isclose(records.sampling_rate, rate):
         found = f"the record has {have[0]} outputs and {have[1]} inputs at {records.sampling_rate:g} Hz"
-        asked = f"a record of {l} outputs and {m} inputs at {rate:g} Hz was asked"
+        asked = f"a record of {l} outputs and {m} inputs at {rate:g} Hz:"
         change = "Select the model's channels and resample to its rate."
         raise DataError(asked, found, change)
     free, one, white = validated(model, records)

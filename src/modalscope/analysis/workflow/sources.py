@@ -32,7 +32,7 @@ from modalscope.signals.preprocess.merging import merge
 Each = Sequence[Mapping[str, Any]]
 Reading = Mapping[str, Any] | Each
 
-#: Labels of places and runs that names of files say, one a file (see `said_by_names`).
+#: Labels of places and runs that names of files say, one per file (see `said_by_names`).
 Said = Mapping[str, Sequence[str]]
 
 #: Bytes of a file that are hashed at a time.
@@ -200,7 +200,7 @@ def _read(data: Any, reading: Mapping[str, Any]) -> tuple[Any, SourceFile, tuple
         return made, source_of_data(made), (), 0.0
     if not isinstance(data, str | Path):
         if reading:
-            asked, have = f"reading with {', '.join(reading)} was asked", f"the data are {type(data).__name__} already"
+            asked, have = f"reading with {', '.join(reading)}:", f"the data are {type(data).__name__} already"
             raise DataError(asked, have, "Give a path, or make the data with these values.")
         runs = as_test(data) if isinstance(data, list | tuple) else data
         return runs, source_of_data(runs), (), 0.0
@@ -209,11 +209,11 @@ def _read(data: Any, reading: Mapping[str, Any]) -> tuple[Any, SourceFile, tuple
         found, source = survey(path, **reading), replace(source_of_file(path, reading), path=str(Path(data)))
     if isinstance(found.thing, ModalModel):
         change = "Give a file of responses or records."
-        raise DataError(f"modes in {path} were asked", "the file contains modes already", change)
+        raise DataError(f"modes in {path}:", "the file contains modes already", change)
     if isinstance(found.thing, Geometry):
         left = ", ".join(dict.fromkeys(finding.kind for finding in found.left if finding.kind))
         raise DataError(
-            f"modes in {path} were asked",
+            f"modes in {path}:",
             f"the file gives a {found.result}{f', and no method identifies from its {left}' if left else ''}",
             "Give a file of responses or records.",
         )

@@ -149,9 +149,7 @@ def _by(route: str, matrix: Operator, wanted: int, *, asked: bool) -> Factors | 
         if not asked:
             return None
         raise DataError(
-            "route='gram' was asked",
-            "this data matrix has no structure that gives its Gram matrix",
-            "Use route='auto'.",
+            "route='gram':", "this data matrix has no structure that gives its Gram matrix", "Use route='auto'."
         )
     return dense_factors(matrix, wanted)
 

@@ -130,7 +130,7 @@ class NormalEquations:
         except np.linalg.LinAlgError:
             low, high = self.response.span
             raise DataError(
-                f"polynomials to degree {self.degree} in z were asked",
+                f"polynomials to degree {self.degree} in z:",
                 f"lines from {low:g} to {high:g} Hz cover too little of the unit circle to separate their powers",
                 f"Lower the orders to {self.degree // 2}, take a wider band, or method='alternate', whose polynomials are orthogonal.",
             ) from None

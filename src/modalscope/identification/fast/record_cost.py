@@ -57,7 +57,7 @@ def refuse_beyond_memory(cost: RecordCost) -> None:
     there = _memory()
     if there is not None and cost.bytes > there:
         raise DataError(
-            "fitting the records on their lines was asked",
+            "fitting the records on their lines:",
             f"{cost.columns} columns on {cost.lines} lines need {in_words(cost.bytes)} of memory, the machine has {in_words(there)}",
             "Give a band, lower block_rows, exclude channels, or identify runs one by one.",
         )

@@ -200,7 +200,7 @@ def driven_projection(
     made = DrivenProjection(records, lines, future, past, intervals(past, check_count("single", single)))
     if made.columns < made.rows:
         raise DataError(
-            f"driven_projection(block_rows={future}, block_columns={past}) of {made.outputs} outputs and {made.inputs} inputs was asked",
+            f"driven_projection(block_rows={future}, block_columns={past}) of {made.outputs} outputs and {made.inputs} inputs:",
             f"{len(records.runs)} x {max(records.samples)} samples give {made.columns} times for {made.rows} rows: "
             "the past predicts any record of that length",
             "Lower block_rows and block_columns, or measure longer.",

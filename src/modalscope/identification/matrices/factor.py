@@ -69,7 +69,7 @@ class Factors:
         """Raise when `order` states cannot be told from rounding, or were not asked of the factorization."""
         if order > self.rank:
             change = f"Lower the order to at most {self.rank}, or give more block rows and columns; factor for the largest order."
-            raise DataError(f"order={order} was asked", self.reach, change)
+            raise DataError(f"order={order}:", self.reach, change)
 
 
 @replaceable("factorize")
@@ -106,7 +106,7 @@ def dense_factors(matrix: Operator, wanted: int) -> Factors:
 def ranked(found: Factors, floor: float) -> Factors:
     """Return factors with their rank; `floor`: relative to the largest singular value, rounding lies below."""
     if found.d.size == 0 or found.d[0] <= 0:
-        raise DataError("factors of the data were asked", "all values are zero", "Give data with a response.")
+        raise DataError("factors of the data:", "all values are zero", "Give data with a response.")
     return replace(found, rank=_rank(found.d, floor))
 
 

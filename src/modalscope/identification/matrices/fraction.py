@@ -116,7 +116,7 @@ class Fraction(NormalEquations, FullMatrix):
         """Eigenvectors of M of the largest degree, and the roots of its eigenvalues: M is a Gram matrix, these are singular values."""
         squares, vectors = np.linalg.eigh(self.gram_matrices[-1])
         d, V = np.sqrt(np.clip(squares[::-1], 0, None)), vectors[:, ::-1]
-        return Factors(V, d, V, d, d.size, f"normal equations, {d.size} unknowns a column")
+        return Factors(V, d, V, d, d.size, f"normal equations, {d.size} unknowns per column")
 
     def to_s(self, poles: Array) -> ComplexArray:
         """Continuous poles, rad/s, of roots of A(z)."""

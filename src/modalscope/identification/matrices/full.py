@@ -130,7 +130,7 @@ def full(matrix: DataMatrix) -> FullMatrix:
     if isinstance(matrix, FullMatrix):
         return matrix
     have = f"the plain data matrix has none: {matrix.describe()}"
-    raise DataError("standard deviations or indicators of factors were asked", have, "Leave out plain_steps().")
+    raise DataError("standard deviations or indicators of factors:", have, "Leave out plain_steps().")
 
 
 class OfCombinations(FullMatrix, DerivedMatrix):

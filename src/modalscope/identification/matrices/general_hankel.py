@@ -115,7 +115,7 @@ class GeneralHankel(StructuredHankel):
 
     @cached_property
     def _tall_rows(self) -> Side:
-        asked = "a realization from the row shift was asked (alternate, polyreference and prce in this form)"
+        asked = "a realization from the row shift (alternate, polyreference and prce in this form):"
         others = "use the other form (controllable when this is the observable one), or method='era' or 'least_squares'"
         if self.rows.over is not None:
             raise DataError(

@@ -349,9 +349,7 @@ def hankel(response: ImpulseResponse, *, block_rows: int, block_columns: int, **
     if need > samples or general:
         what = ", ".join(general) or f"samples 0 to {need - 1}"
         have = f"the response has {samples}" if need > samples else "a plain matrix has whole consecutive blocks"
-        raise DataError(
-            f"a Hankel matrix of {what} was asked", have, "Lower block_rows + block_columns, or omit options."
-        )
+        raise DataError(f"a Hankel matrix of {what}:", have, "Lower block_rows + block_columns, or omit options.")
     return Hankel(response, (block_rows, block_columns))
 
 

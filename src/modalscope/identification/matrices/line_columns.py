@@ -91,7 +91,7 @@ def line_weights(response: FrequencyResponse, weights: str | ArrayLike | None) -
     else:
         have = [name for name in ("variance", "coherence") if getattr(response, name) is not None]
         raise DataError(
-            f"weights={weights!r} was asked",
+            f"weights={weights!r}:",
             f"the response carries {' and '.join(have) or 'neither variance nor coherence'}",
             "Use weights='level', give one per line, or None.",
         )
@@ -164,7 +164,7 @@ class RowsOnLines(FullMatrix):
     def _need_all_rows(self) -> None:
         if self.row_shifts is not None:
             raise DataError(
-                "a shift of the rows was asked",
+                "a shift of the rows:",
                 f"only block rows {', '.join(map(str, self.row_shifts))} are kept, which have no shift",
                 "Use method='era' or 'least_squares', or omit row_shifts.",
             )

@@ -43,11 +43,11 @@ def transfer_of_lines(problem: Problem, order: int) -> Built:
     """Return transfer functions on the lines of any band, initial terms eliminated."""
     options, response = problem.options, problem.response
     if options.source == "samples":
-        asked = f"source='samples' in domain {problem.method.domain!r} was asked"
+        asked = f"source='samples' in domain {problem.method.domain!r}:"
         raise DataError(asked, "samples need domain='z'", "Omit it, or use domain='z'.")
     refuse(options, "the columns of a frequency-domain matrix are lines", "block_columns")
     if not isinstance(response, FrequencyResponse):
-        raise DataError("source='elimination' was asked", "the data are samples, not lines", "Omit it.")
+        raise DataError("source='elimination':", "the data are samples, not lines", "Omit it.")
     degree = options.block_rows or default_degree(response, order, truncates=problem.method.orders.truncates)
     names = ("weights", "basis", "initial_values", "row_shifts")
     further = {name: value for name in names if (value := getattr(options, name)) is not None}
@@ -260,7 +260,7 @@ def transfer(
     need, have = (order or 1) + (block_rows + 1) * inputs, 2 * lines * inputs
     if have < need or further:
         raise DataError(
-            f"a plain matrix of degree {block_rows} for order {order} was asked" + "".join(f", {n}" for n in further),
+            f"a plain matrix of degree {block_rows} for order {order}{''.join(f', {n}' for n in further)}:",
             f"2 x lines x inputs are {have}, order + (degree + 1) x inputs {need}",
             "Widen the band, lower block_rows or the order, or omit options.",
         )

@@ -63,7 +63,7 @@ def loewner(
     few = min(2 * (lines // 2) * outputs, (2 * ((lines + 1) // 2) - _ELIMINATED) * inputs)
     if few < order:
         raise DataError(
-            f"order {order} of a Loewner matrix was asked",
+            f"order {order} of a Loewner matrix:",
             f"{lines} lines, {outputs} outputs and {inputs} inputs allow at most {max(few, 0)} states",
             "Widen the band or lower the order.",
         )

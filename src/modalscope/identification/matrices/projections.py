@@ -74,7 +74,7 @@ def projection(
     made = Projection(centred, chosen, future, past, signals.sampling_rate, correlation)
     if made.columns < made.rows:
         raise DataError(
-            f"projection(block_rows={future}, block_columns={past}) of {outputs.shape[2]} outputs on {chosen.size} references was asked",
+            f"projection(block_rows={future}, block_columns={past}) of {outputs.shape[2]} outputs on {chosen.size} references:",
             f"{signals.runs} x {signals.samples} samples give {made.columns} columns for {made.rows} rows: "
             "the past predicts any record of that length",
             "Lower block_rows and block_columns, take fewer references, or measure a longer record.",
@@ -103,7 +103,7 @@ class Projection(SampleRows):
         """The correlation of the records."""
         if self.correlation is None:
             raise DataError(
-                "modes of projected records were asked",
+                "modes of projected records:",
                 "their correlation is missing",
                 "Give projection(..., correlation=estimate_correlation(signals)).",
             )

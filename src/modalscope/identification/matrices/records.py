@@ -201,7 +201,7 @@ def record_lines(
     made = RecordLines(response, plane, float(basis[0, 0].real), recurrence, scale, w)
     if made.left < max(order or 1, 1):
         raise DataError(
-            f"order {order or 1} with block_rows={q} was asked",
+            f"order {order or 1} with block_rows={q}:",
             f"{response.count} lines leave {made.left} equations after inputs and end effects are eliminated",
             "Measure longer, widen the band, or lower block_rows or the order.",
         )

@@ -129,7 +129,7 @@ def shifted(
     used = np.arange(lines.size) if band is None else np.flatnonzero((lines >= band[0]) & (lines <= band[1]))
     if used.size == 0:
         raise DataError(
-            f"the band {band} Hz was asked",
+            f"the band {band} Hz:",
             f"the {lines.size} lines of the window lie from 0 to {lines[-1]:g} Hz, {lines[1]:g} Hz apart, none of them inside",
             "Widen the band, or raise block_columns.",
         )
@@ -154,7 +154,7 @@ def _samples_of(response: Response) -> tuple[RealArray, float]:
     if isinstance(response, FrequencyResponse):
         if not is_full_grid(response):
             raise DataError(
-                "periodised samples of the lines were asked",
+                "periodised samples of the lines:",
                 "the lines do not cover 0 Hz to half the sampling rate in even steps",
                 "Use source='elimination', which takes any lines.",
             )

@@ -27,14 +27,12 @@ def block_shifts(name: str, shifts: Sequence[int] | None, blocks: int | None, ot
         if blocks is None:
             raise DataError(f"a Hankel matrix needs {other} or {name}", "neither is given", f"Give {other}.")
         if check_count(other, blocks) > _MAX_BLOCKS:
-            raise DataError(
-                f"{other}={blocks} was asked", f"no data have more than {_MAX_BLOCKS} blocks", f"Lower {other}."
-            )
+            raise DataError(f"{other}={blocks}:", f"no data have more than {_MAX_BLOCKS} blocks", f"Lower {other}.")
         return list(range(blocks))
     numbers = list(check_shifts(name, shifts))
     if blocks is not None and blocks not in (len(numbers), max(numbers) + 1):
         raise DataError(
-            f"{other}={blocks} was asked", f"{name} has {len(numbers)} entries, one per block", f"Give {name} alone."
+            f"{other}={blocks}:", f"{name} has {len(numbers)} entries, one per block", f"Give {name} alone."
         )
     factor = gcd(*numbers)
     if factor > 1:
@@ -88,7 +86,7 @@ def block_entries(
     if any(c < 0 or c >= count for subset in chosen for c in subset):
         raise DataError(f"{name} names {what} 0 to {count - 1}", "there is an index outside", "Correct the index.")
     if any(len(set(subset)) < len(subset) for subset in chosen):
-        raise DataError(f"{name} names each of the {what} once a block", "one is repeated", "Give each once.")
+        raise DataError(f"{name} names each of the {what} once per block", "one is repeated", "Give each once.")
     return np.array([(s, c) for s, subset in zip(shifts, chosen, strict=True) for c in subset], dtype=np.int64).T
 
 

@@ -37,19 +37,19 @@ def initial_terms(given: ArrayLike | str, response: FrequencyResponse, plane: Pl
     _, outputs, inputs = response.values.shape
     if plane.scale is None:
         raise DataError(
-            "initial_values were asked",
+            "initial_values:",
             "the bilinear map mixes direct term and initial values",
             "Use domain='s', or omit them: they are eliminated.",
         )
     if isinstance(given, str):
         if given != "rest" or plane.dt is not None:
             raise DataError(
-                f"initial_values={given!r} was asked",
+                f"initial_values={given!r}:",
                 f"only arrays are possible, and 'rest' in the s-domain; this is the {plane.name}",
                 "Give the terms (K, outputs, inputs), or omit them.",
             )
         # the terms D, CB, ... that vanish for a structure at rest: two for displacements, one for velocities
-        quantity = known_quantity(response.quantity, "initial_values='rest' was asked")
+        quantity = known_quantity(response.quantity, "initial_values='rest':")
         return np.zeros((derivatives_between(quantity, "acceleration"), outputs, inputs))
     terms = real_array("initial_values", given, "(terms, outputs, inputs)", 3)
     if terms.shape[1:] != (outputs, inputs):

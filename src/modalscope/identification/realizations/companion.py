@@ -64,7 +64,7 @@ def _shift_of_whole_blocks(matrix: DataMatrix) -> RowShift:
     shift = matrix.row_shift
     if not shift.whole:
         raise DataError(
-            "a companion form was asked",
+            "a companion form:",
             "its block rows are not whole: channels were left out of some",
             "Leave these channels out altogether with select(), or use method='alternate', 'era' or 'least_squares'.",
         )
@@ -89,7 +89,7 @@ class NullSpaceCompanion(Realization):
         block, r = self.shift.block, self.matrix.block_rows
         if block * r < n:
             raise DataError(
-                f"order={n} in canonical form was asked",
+                f"order={n} in canonical form:",
                 f"{r} block rows of {block} channels carry {block * r} states",
                 "Raise block_rows (block_columns in the controllable form).",
             )
@@ -137,7 +137,7 @@ class LeastSquaresCompanion(Realization):
         p, rest = divmod(n, block)
         if rest or not 1 <= p <= r:
             raise DataError(
-                f"order={n} of a least-squares companion was asked",
+                f"order={n} of a least-squares companion:",
                 f"the order must be a multiple of {block}, at most {block * r} with {r} blocks",
                 "Choose such an order, or raise block_rows (block_columns in the controllable form).",
             )
@@ -160,7 +160,7 @@ class LeastSquaresCompanion(Realization):
         )
         if share > np.sqrt(rcond):
             raise DataError(
-                f"a least-squares companion of {n // block} blocks was asked",
+                f"a least-squares companion of {n // block} blocks:",
                 f"they are singular and leave {percent(float(share), 2)} of the next one: fewer than the observability index",
                 "Raise the order by a block or more.",
             )

@@ -47,7 +47,7 @@ class FractionCompanion(Realization):
         """Return the companion of degree n."""
         if not 1 <= n <= self.matrix.degree:
             raise DataError(
-                f"order={n} of a matrix fraction was asked",
+                f"order={n} of a matrix fraction:",
                 f"its order is the degree of the polynomials, here 1 to {self.matrix.degree}",
                 "Ask for a larger order when the fraction is built.",
             )

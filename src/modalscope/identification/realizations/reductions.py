@@ -34,7 +34,7 @@ def reduced(realization: Realization, how: str) -> Reduced:
     (E P)# A~ (E P), which is the alternate method. "markov": ERA on C~ A~^k B~, the model's own Markov parameters.
     """
     raise DataError(
-        f"reduction={how!r} was asked",
+        f"reduction={how!r}:",
         "only the canonical form of the null space, in the time domain, has extraneous poles to be rid of",
         "Leave it out, or use method='polyreference', domain='time'.",
     )

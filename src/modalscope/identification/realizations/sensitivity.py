@@ -58,9 +58,7 @@ def sides(realization: Realization, n: int, eigen: Eigen) -> Sides:
 
     Raises `DataError`: the first-order change of its poles is not known.
     """
-    raise DataError(
-        "standard deviations were asked", "reduced models have none", "Omit reduction, or use method='alternate'."
-    )
+    raise DataError("standard deviations:", "reduced models have none", "Omit reduction, or use method='alternate'.")
 
 
 @sides.register

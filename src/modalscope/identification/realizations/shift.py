@@ -23,7 +23,7 @@ def check_blocks(gram: RealArray, n: int, block_rows: int) -> None:
     weights = np.linalg.eigvalsh(gram[:n, :n])
     if weights[0] * _MAX_CONDITION < weights[-1]:
         raise DataError(
-            f"order={n} from the shift of one factor was asked",
+            f"order={n} from the shift of one factor:",
             f"{block_rows} block rows without the last leave a factor of condition {np.sqrt(weights[-1] / max(weights[0], 1e-300)):.1e}: "
             "fewer than the observability index",
             "Raise block_rows, or lower the order.",

@@ -45,13 +45,13 @@ def acted(document: Analysis, action: str, given: Mapping[str, Any]) -> Analysis
     (12.5,)
     """
     if action not in ACTIONS:
-        raise DataError(f"{action!r} was asked", f"the actions are {', '.join(ACTIONS)}", "Choose one of these.")
+        raise DataError(f"{action!r}:", f"the actions are {', '.join(ACTIONS)}", "Choose one of these.")
     try:
         return ACTIONS[action](document, **given)
     except DataError:
         raise
     except (TypeError, ValueError, AttributeError, LookupError, ArithmeticError) as error:
-        raise DataError(f"{action} was asked", f"its arguments are invalid ({error})", "Correct them.") from None
+        raise DataError(f"{action}:", f"its arguments are invalid ({error})", "Correct them.") from None
 
 
 def change(document: Analysis, **new: Any) -> Analysis:
@@ -73,8 +73,7 @@ def _check_names(what: str, given: Mapping[str, Any], known: tuple[str, ...]) ->
     """Raise for names that the page does not set; `what`: what was asked, with a place for them."""
     unknown = sorted(set(given) - set(known))
     if unknown:
-        asked = f"{what.format(', '.join(unknown))} was asked"
-        raise DataError(asked, f"the page sets {', '.join(known)}", "Use one of these.")
+        raise DataError(f"{what.format(', '.join(unknown))}:", f"the page sets {', '.join(known)}", "Use one of these.")
 
 
 def take(document: Analysis, frequency: float) -> Analysis:

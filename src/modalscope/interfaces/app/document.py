@@ -92,7 +92,7 @@ class OpenDocument:
         """
         if edition is not None and edition != self.edition:
             remedy = "Look at the document as it is now, and repeat the change if it is still needed."
-            raise DataError("a change was asked", "the document was changed in another window", remedy)
+            raise DataError("a change:", "the document was changed in another window", remedy)
         if action == "undo":
             self.place = max(self.place - 1, 0)
         elif action == "redo":
@@ -155,7 +155,7 @@ class OpenDocument:
     def _stop_hard(self) -> None:
         self._dismiss()
         self._end("stopped")
-        self._refuse({"asked": "an answer was asked", "found": "the computation was stopped", "change": "Ask again."})
+        self._refuse({"asked": "an answer:", "found": "the computation was stopped", "change": "Ask again."})
 
     def _refuse(self, reason: dict[str, Any] | None) -> None:
         """Answer all open questions with the reason why they have no answer."""
@@ -255,7 +255,7 @@ class OpenDocument:
         self.windows.send({"type": "failed", **payload})
 
     def _fail(self, reason: str, remedy: str) -> None:
-        self._on_failed({"asked": "the analysis was asked", "found": reason, "change": remedy})
+        self._on_failed({"asked": "the analysis:", "found": reason, "change": remedy})
 
     def _ended(self, code: int | None) -> None:
         """Report that the process ended by itself; the next change of the document starts another."""

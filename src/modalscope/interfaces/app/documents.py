@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import json
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
@@ -67,7 +67,7 @@ class DocumentStore:
             return self._open[key]
         path = self._file_of(key)
         if path is None or not path.is_file():
-            raise DataError(f"document {key[:40]!r} was asked", "there is no such document", "Open its file again.")
+            raise DataError(f"document {key[:40]!r}:", "there is no such document", "Open its file again.")
         try:
             kept = json.loads(path.read_text(encoding="utf-8"))
             history = [analysis_from(entries) for entries in kept["history"]]
@@ -78,15 +78,14 @@ class DocumentStore:
         except DataError:
             raise
         except _DAMAGED as error:
-            raise DataError(f"document {key!r} was asked", f"it is damaged ({error})", "Open its file again.") from None
+            raise DataError(f"document {key!r}:", f"it is damaged ({error})", "Open its file again.") from None
         opened.place = place
         return opened
 
     async def open(self, names: list[str]) -> OpenDocument:
         """Open listed files, uploads, or a document; several files are parts of one test."""
         if not names:
-            remedy = "Choose a listed file, or drop one on the page."
-            raise DataError("opening a file was asked", "none was named", remedy)
+            raise DataError("opening a file:", "none was named", "Choose a listed file, or drop one on the page.")
         paths = [self.files.resolve(name) for name in names]
         if len(paths) == 1 and paths[0].name.lower().endswith(_DOCUMENT):
             document = self._of_paths(read_analysis(paths[0]), paths[0].parent)
@@ -97,9 +96,11 @@ class DocumentStore:
             paths = paths if alone else data
             if alone and geometry:
                 fault = "it is a geometry: points, and no measurement"
-                raise DataError(f"opening {paths[0].name} was asked", fault, "Drop the measurement with it, together.")
+                raise DataError(f"opening {paths[0].name}:", fault, "Drop the measurement with it, together.")
             reading = {"geometry": tuple(map(str, geometry))} if geometry else {}
-            document = Analysis(files=tuple([await asyncio.to_thread(hashed, path, reading) for path in paths]))
+            from modalscope.analysis.workflow.sources import source_of_file
+
+            document = Analysis(files=tuple([await asyncio.to_thread(source_of_file, p, reading) for p in paths]))
         if len(self._open) >= self.limits.documents:
             most = f"at most {self.limits.documents} documents are open together"
             raise DataError(most, f"{len(self._open)} are open", "Close some.")
@@ -122,7 +123,7 @@ class DocumentStore:
         path = stored if lies_in(stored, self._tops) else folder / stored.name
         if not stored.name or not is_file_in(path, self._tops):
             fault = f"its {what}, {stored.name[:60] or 'arrays'}, is no file in the folder"
-            raise DataError("opening a document was asked", fault, "Put the file into the folder of the document.")
+            raise DataError("opening a document:", fault, "Put the file into the folder of the document.")
         return path
 
     @property
@@ -194,10 +195,3 @@ class DocumentStore:
             opened.rest()
             opened.windows.send({"type": "ended"})
         self.pool.close()
-
-
-def hashed(path: Path, reading: Mapping[str, Any]) -> SourceFile:
-    """Return size and hash of a file that is read with these options."""
-    from modalscope.analysis.workflow.sources import source_of_file
-
-    return source_of_file(path, reading)

@@ -127,9 +127,9 @@ class FileStore:
         if top is None or not lies_in(top / inner, [top]):
             fault = "no folder was given" if self.folder is None else "it is outside of the folder"
             remedy = "Drop the file on the page, or start the page in the folder of the file."
-            raise DataError(f"{name!r} was asked", fault, remedy)
+            raise DataError(f"{name!r}:", fault, remedy)
         if not is_file_in(top / inner, [top]):
-            raise DataError(f"{name!r} was asked", "there is no such file", "Choose a listed file.")
+            raise DataError(f"{name!r}:", "there is no such file", "Choose a listed file.")
         return (top / inner).resolve()
 
     def _example(self, name: str) -> Path:
@@ -174,7 +174,7 @@ class FileStore:
             shutil.rmtree(folder, ignore_errors=True)
             if isinstance(error, OSError) and error.strerror:
                 fault = f"the system refuses: {error.strerror.lower()}"
-                raise DataError(f"uploading {name} was asked", fault, "Make room on the disk.") from None
+                raise DataError(f"uploading {name}:", fault, "Make room on the disk.") from None
             raise
         return f"{_UPLOAD}{folder.name}/{path.name}"
 
@@ -197,13 +197,13 @@ def _full(name: str, most: str) -> DataError:
     """Return the error of an upload for which there is no room."""
     fault = f"the files that were dropped on the page would be more than {most} together"
     remedy = "Delete recent documents that are done with: their files go with them."
-    return DataError(f"uploading {name} was asked", fault, remedy)
+    return DataError(f"uploading {name}:", fault, remedy)
 
 
 def too_large(name: str, max_bytes: int) -> DataError:
     """Return the error of an upload of more than `max_bytes` bytes."""
     remedy = "Start the page in its folder and choose it there."
-    return DataError(f"uploading {name} was asked", f"it has more than {max_bytes / 1e6:g} MB", remedy)
+    return DataError(f"uploading {name}:", f"it has more than {max_bytes / 1e6:g} MB", remedy)
 
 
 def safe_name(name: str, most: int = _MAX_NAME) -> str:

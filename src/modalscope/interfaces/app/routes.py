@@ -217,7 +217,7 @@ async def export(request: Request) -> Response:
     """Return the result as a file in one format."""
     opened, suffix = _opened(request), f".{request.path_params['suffix']}"
     if suffix not in FORMATS:
-        raise DataError(f"{suffix[:20]} was asked", f"the formats are {', '.join(FORMATS)}", "Choose one of these.")
+        raise DataError(f"{suffix[:20]}:", f"the formats are {', '.join(FORMATS)}", "Choose one of these.")
     stem = next((safe_name(Path(file.path).stem, _MAX_STEM) for file in opened.document.files), "modes")
     mode = _number(request, "mode") if "mode" in request.query_params else 0
     folder = Path(mkdtemp(prefix="modalscope-"))

@@ -130,7 +130,7 @@ def _bound(host: str, port: int) -> socket.socket:
     except (OSError, OverflowError) as error:
         made.close()
         reason = f"the system refuses: {(getattr(error, 'strerror', None) or str(error)).lower()}"
-        raise DataError(f"port {port} of {host} was asked", reason, "Choose another with --port.") from None
+        raise DataError(f"port {port} of {host}:", reason, "Choose another with --port.") from None
     return made
 
 

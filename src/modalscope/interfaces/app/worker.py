@@ -13,7 +13,6 @@ from zipfile import ZIP_DEFLATED, ZipFile
 from modalscope.analysis.workflow.realize import realize
 from modalscope.data import DataError, ModalModel
 from modalscope.data.analysis import Analysis, named_near
-from modalscope.interfaces.app.files import FORMATS
 from modalscope.interfaces.app.steps import Stages
 from modalscope.interfaces.plot.picture import Picture
 from modalscope.interfaces.plot.web.blob import picture_blob
@@ -36,10 +35,8 @@ def channel(stages: Stages, progress: Progress, output: int | None = None, colum
 
 
 def export(stages: Stages, progress: Progress, suffix: str, target: str, mode: int = 0) -> Path:
-    """Write the result in one of `FORMATS`, as the command line does, to the file `target`; `mode`: the one of a film."""
+    """Write the result in one of the page's formats, as the command line does, to the file `target`; `mode`: the one of a film."""
     result, path = named_in(stages.finished()), Path(target)
-    if suffix not in FORMATS:
-        raise DataError(f"{suffix} was asked", f"the formats are {', '.join(FORMATS)}", "Choose one of these.")
     if suffix in (".html", ".docx", ".pptx"):
         from modalscope.interfaces.reporting import report
 
@@ -92,7 +89,7 @@ def against(stages: Stages, progress: Progress, path: str) -> dict[str, Any]:
     modes, other = stages.finished().modes, read(path)
     if not isinstance(other, ModalModel):
         fault = f"{Path(path).name} holds {type(other).__name__}"
-        raise DataError("the MAC with another file was asked", fault, "Give a file of modes: .json, .csv, .uff, .npz.")
+        raise DataError("the MAC with another file:", fault, "Give a file of modes: .json, .csv, .uff, .npz.")
     other = other.select(outputs=modes.output_dofs)
     return {"mac": mac(modes.shapes, other.shapes), "frequencies": other.frequencies, "name": Path(path).name}
 
@@ -129,7 +126,7 @@ def measured(stages: Stages, progress: Progress) -> list[str]:
     from modalscope.interfaces.plot.measured import measured_pictures
 
     if stages.data is None:
-        raise DataError("the pictures of the data were asked", "the data are not read", "Wait until they are read.")
+        raise DataError("the pictures of the data:", "the data are not read", "Wait until they are read.")
     stages.pictures |= (pictures := measured_pictures(stages.data))
     return list(pictures)
 
@@ -137,7 +134,7 @@ def measured(stages: Stages, progress: Progress) -> list[str]:
 def picture(stages: Stages, progress: Progress, name: str) -> bytes:
     """Return one of the pictures that were made, as a blob."""
     if name not in stages.pictures:
-        raise DataError(f"the picture {name[:40]!r} was asked", "there is none", "Open its window again.")
+        raise DataError(f"the picture {name[:40]!r}:", "there is none", "Open its window again.")
     return picture_blob(stages.pictures[name])
 
 
@@ -244,7 +241,7 @@ def error_parts(error: BaseException) -> dict[str, str]:
     """
     if isinstance(error, DataError):
         return {"asked": error.asked, "found": error.found, "change": error.change, "text": error.args[0]}
-    asked, change = "the computation was asked", "Try other settings, and report the fault."
+    asked, change = "the computation:", "Try other settings, and report the fault."
     if isinstance(error, _Newer):
         found, change = "it was stopped", "Ask again if needed."
     elif isinstance(error, MemoryError):

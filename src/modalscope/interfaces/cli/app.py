@@ -84,7 +84,7 @@ def _months(options: argparse.Namespace) -> None:
 
     path = options.files[0]
     if not path.is_file():
-        raise DataError(f"the store {str(path)!r} was asked", "there is no such file", "Make it: modalscope watch.")
+        raise DataError(f"the store {str(path)!r}:", "there is no such file", "Make it: modalscope watch.")
     server = alone(MonthsReport(path), host=options.host, port=options.port)
     say(f"the page: {server.address}")
     _serve(options, server)
@@ -96,9 +96,9 @@ def _folder(options: argparse.Namespace) -> Path:
 
     folder: Path = options.folder or (options.files[0].parent if options.files else Path())
     if not folder.is_dir():
-        raise DataError(f"the folder {str(folder)!r} was asked", "it does not exist", "Check its name.")
+        raise DataError(f"the folder {str(folder)!r}:", "it does not exist", "Check its name.")
     for path in options.files:
-        asked = f"{str(path)!r} was asked"
+        asked = f"{str(path)!r}:"
         if not path.is_file():
             raise DataError(asked, "there is no such file", "Check its name.")
         if not path.resolve().is_relative_to(folder.resolve()):

@@ -61,7 +61,7 @@ def _read(path: Path) -> dict[str, dict[str, Any]]:
     from modalscope.data import DataError
     from modalscope.interfaces.cli.commands import names
 
-    asked = f"{_OPTION} {path} was asked"
+    asked = f"{_OPTION} {path}:"
     try:
         tables = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:

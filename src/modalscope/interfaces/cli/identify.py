@@ -139,7 +139,7 @@ def _client(address: str, stack: ExitStack) -> Any:
 
 def _wrong(address: str, reason: str) -> DataError:
     remedy = "Give the address that `dask scheduler` prints, or local:4."
-    return DataError(f"--scheduler {address} was asked", reason, remedy)
+    return DataError(f"--scheduler {address}:", reason, remedy)
 
 
 def result_of(options: argparse.Namespace, files: list[Path], saved: str = ".analysis.json") -> Result:
@@ -230,7 +230,7 @@ def _run_each(options: argparse.Namespace) -> None:
     for target in targets:
         check_output(target, options.files, options.force)
         if targets.count(target) > 1:
-            asked, clash = "a file per test was asked", f"{target.name} would be written for several"
+            asked, clash = "a file per test:", f"{target.name} would be written for several"
             raise DataError(asked, clash, "Give the files distinct names, or identify them one by one.")
     tests: list[tuple[str, ModalModel]] = []
     failed = []
@@ -252,7 +252,7 @@ def _run_each(options: argparse.Namespace) -> None:
 
 
 def _table(tests: Sequence[tuple[str, ModalModel]], reference: ModalModel | None) -> str:
-    """Return frequencies and damping ratios of several tests, a column a test, a row a mode of the reference.
+    """Return frequencies and damping ratios of several tests, a column per test, a row per mode of the reference.
 
     `reference`: by default the first test that has modes.
     """

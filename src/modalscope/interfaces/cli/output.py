@@ -36,12 +36,12 @@ def check_outputs(
         if str(path) != STDOUT:
             check_output(path, sources, options.force, suffixes)
         elif ".json" not in suffixes:
-            raise DataError("JSON on stdout was asked", f"the formats are {', '.join(suffixes)}", "Name a file.")
+            raise DataError("JSON on stdout:", f"the formats are {', '.join(suffixes)}", "Name a file.")
 
 
 def check_output(path: Path, sources: Iterable[Path], force: bool, suffixes: tuple[str, ...] = _RESULTS) -> None:
     """Raise for a name that cannot be written: never overwrite a source, and only with --force a file of another program."""
-    asked = f"writing {str(path)!r} was asked"
+    asked = f"writing {str(path)!r}:"
     if path.suffix.lower() not in suffixes:
         raise DataError(asked, f"the formats are {', '.join(suffixes)}", "Choose one of these suffixes.")
     target = check_target(path, tuple(sources))

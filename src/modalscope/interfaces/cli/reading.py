@@ -72,7 +72,7 @@ def read_modes(options: argparse.Namespace, path: Path) -> ModalModel:
     modes, notes = read_data(options, path)
     remark(*notes)
     if not isinstance(modes, ModalModel):
-        asked, contents = f"modes in {path} were asked", f"the file holds {summary_of(modes)}"
+        asked, contents = f"modes in {path}:", f"the file holds {summary_of(modes)}"
         raise DataError(asked, contents, "Give a file of modes, or identify them: modalscope identify.")
     return modes
 
@@ -97,7 +97,7 @@ def parse_shifts(name: str, text: str) -> list[int]:
     """
     words = text.split(",")
     if not all(word.strip().isdecimal() for word in words):
-        asked = f"--{name.replace('_', '-')} {text} was asked"
+        asked = f"--{name.replace('_', '-')} {text}:"
         raise DataError(asked, "shifts are whole numbers, 0 among them", "Write them as 0,1,2,4.")
     return [int(word) for word in words]
 
@@ -129,7 +129,7 @@ def reading_options(options: argparse.Namespace, path: Path) -> dict[str, Any]:
 def _labels(name: str, items: list[str], files: list[Path], path: Path) -> list[str]:
     """Return the channel labels of one file: the single item, or that of the file."""
     if len(items) not in (1, len(files)):
-        asked = f"--{name.replace('_', '-')} {' '.join(items)} was asked"
+        asked = f"--{name.replace('_', '-')} {' '.join(items)}:"
         remedy = "Give one item for all files or one per file, labels separated by commas."
         raise DataError(asked, f"these are {len(items)} items for {len(files)} files", remedy)
     return items[0 if len(items) == 1 else files.index(path)].split(",")
@@ -139,7 +139,7 @@ def _pairs(name: str, items: list[str], example: str) -> dict[str, str]:
     pairs = [item.partition("=") for item in items]
     for item, (old, sign, new) in zip(items, pairs, strict=True):
         if not (old and sign and new):
-            asked, form = f"--{name} {item} was asked", "its form is NAME=VALUE"
+            asked, form = f"--{name} {item}:", "its form is NAME=VALUE"
             raise DataError(asked, form, f"Write for instance --{name} {example}.")
     return {old: new.replace(",", " ") for old, _, new in pairs}
 
@@ -165,7 +165,7 @@ def parse_orders(text: str | None) -> range | list[int] | None:
     first, last, step = {2: (*parts, 1), 3: tuple(parts)}.get(len(parts), (0, 0, 0))
     if not (1 <= first <= last and step >= 1):
         form = "their form is FIRST:LAST:STEP, FIRST at least 1"
-        raise DataError(f"orders {text!r} were asked", form, "Write for instance --orders 2:60:2.")
+        raise DataError(f"orders {text!r}:", form, "Write for instance --orders 2:60:2.")
     return range(first, last + 1, step)
 
 
@@ -183,6 +183,6 @@ def parse_delays(words: Sequence[str] | None) -> dict[str, int] | None:
         return {}
     parts = [word.rpartition("=") for word in words]
     if not all(dof and samples.isdecimal() for dof, _, samples in parts):
-        asked, form = f"delays {' '.join(words)!r} were asked", "their form is DOF=SAMPLES, in whole samples"
+        asked, form = f"delays {' '.join(words)!r}:", "their form is DOF=SAMPLES, in whole samples"
         raise DataError(asked, form, "Write for instance --delays y3=12 y4=12, or --delays none.")
     return {dof: int(samples) for dof, _, samples in parts}

@@ -284,7 +284,7 @@ def _pictures_of_store(options: argparse.Namespace) -> list[str]:
     from modalscope.interfaces.plot import tracks
 
     if not options.file.exists():
-        raise DataError(f"the store {options.file} was asked", "there is no such file", "Make it: modalscope watch.")
+        raise DataError(f"the store {options.file}:", "there is no such file", "Make it: modalscope watch.")
     with progress("following modes"), Store(options.file) as store:
         found = track(store.history())
     remark(found.table())

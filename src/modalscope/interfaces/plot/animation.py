@@ -88,12 +88,12 @@ def animate(
     target = check_path(path)
     suffix = target.suffix.lower()
     if suffix not in _SUFFIXES or not chosen:
-        asked = f"an animation of {len(chosen)} modes in {target.name!r} was asked"
+        asked = f"an animation of {len(chosen)} modes in {target.name!r}:"
         needs = f"it needs a mode, and the formats are {', '.join(_SUFFIXES)}"
         raise DataError(asked, needs, "Choose a mode and one of these suffixes.")
     frames = max(2.0, seconds * rate)
     if frames > _MAX_FRAMES:
-        asked = f"{seconds:g} s at {rate:g} frames per second were asked"
+        asked = f"{seconds:g} s at {rate:g} frames per second:"
         raise DataError(asked, f"the maximum is {_MAX_FRAMES} frames", "Lower seconds or rate.")
     figure, paint = _figure(modes, chosen, geometry, scale, size=tones == "size", dark=dark)
     with replacing(target, sources_of(modes)) as place:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import combinations
 from typing import Any
 
@@ -22,6 +23,7 @@ from modalscope.interfaces.plot.picture import (
     Panel,
     Picture,
     axis_of,
+    axis_of_names,
     boxes,
     plain,
     strokes,
@@ -133,9 +135,8 @@ def coherence_picture(response: FrequencyResponse, coherence: Array) -> Picture:
     corners = boxes(f[starts][c][kept], ends[c][kept], k[kept] - 0.5, k[kept] + 0.5)
     inputs = [f" / {plain(dof, 12)}" if several else "" for dof in response.input_dofs]
     names = [plain(response.output_dofs[i], 12) + inputs[j] for i, j in pairs]
-    every = max(1, -(-len(names) // 24))
-    named = tuple((float(at), name) for at, name in enumerate(names))[::every]
-    across, down = Axis("frequency [Hz]", float(f[0]), float(ends[-1])), Axis("", len(names) - 0.5, -0.5, named=named)
+    across = Axis("frequency [Hz]", float(f[0]), float(ends[-1]))
+    down = replace(axis_of_names("", names, 24), low=len(names) - 0.5, high=-0.5)
     shades = Areas(corners, "vermillion", strength=missing[kept])
     panel = Panel(across, down, [shades], aside="white: coherence 1, dark: 0", grid=False)
     return Picture([panel], "Coherence of all channels over frequency")

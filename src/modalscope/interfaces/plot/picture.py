@@ -351,4 +351,4 @@ def channel(name: str, choice: str | int | None, labels: tuple[str, ...], defaul
     if choice in labels:
         return labels.index(str(choice))
     choices = f"the channels are {', '.join(labels)}"
-    raise DataError(f"{name} {choice!r} was asked", choices, "Use one of these, or its index from zero.")
+    raise DataError(f"{name} {choice!r}:", choices, "Use one of these, or its index from zero.")

@@ -211,7 +211,7 @@ def check_mode(modes: ModalModel, index: int) -> None:
     """Raise if there is no mode of that index."""
     check_count("index", index, least=0)
     if index >= len(modes):
-        asked, count = f"the shape of mode index {index} was asked", f"there are {len(modes)} modes, counted from zero"
+        asked, count = f"the shape of mode index {index}:", f"there are {len(modes)} modes, counted from zero"
         raise DataError(asked, count, "Choose a lower index.")
 
 

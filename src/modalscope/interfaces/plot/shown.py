@@ -77,7 +77,7 @@ def picture_of(thing: Any) -> Picture:
 
     Raises `DataError`: a type without a picture.
     """
-    asked = f"a picture of {type(thing).__name__} was asked"
+    asked = f"a picture of {type(thing).__name__}:"
     raise DataError(asked, "this type has none", "Use one of the functions of modalscope.plot.")
 
 

@@ -268,7 +268,7 @@ def write_page(
     target = check_path(path)
     if target.suffix.lower() not in (".html", ".htm"):
         formats = "reports are .html files, of results also .docx and .pptx"
-        raise DataError(f"a report in {target.name!r} was asked", formats, "End the name in .html.")
+        raise DataError(f"a report in {target.name!r}:", formats, "End the name in .html.")
     with replacing(target, sources) as temporary:
         text = page(title, subtitle, parts, f"written by modalscope {VERSION}")
         temporary.write_text(text, encoding="utf-8", errors="backslashreplace")

@@ -32,7 +32,7 @@ def header_of(given: str | Path | Mapping[str, Any] | None) -> dict[str, Any]:
         except (OSError, ValueError) as error:
             fault = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
             remedy = 'Write lines such as project = "Bridge 7", and a table [[sensors]] for each sensor.'
-            raise DataError(f"reading the header {path.name} was asked", fault.lower(), remedy) from None
+            raise DataError(f"reading the header {path.name}:", fault.lower(), remedy) from None
     sensors = header.get("sensors", [])
     if not isinstance(sensors, list) or not all(isinstance(sensor, Mapping) for sensor in sensors):
         remedy = "Write a table [[sensors]] for each, with channel, sensor, serial, sensitivity, calibrated."

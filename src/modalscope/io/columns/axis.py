@@ -272,7 +272,7 @@ def with_rows(table: Table, asked: object) -> Table:
     if not 1 <= first < last <= table.rows:
         fault = f"it has the rows 1 to {table.rows}" if match else "that is no range of rows"
         remedy = f"Give the first and the last row: --rows 1-{table.rows}"
-        raise DataError(f"rows {str(asked)[:40]!r} of {table.where} were asked", fault, remedy)
+        raise DataError(f"rows {str(asked)[:40]!r} of {table.where}:", fault, remedy)
     columns = tuple(replace(column, values=column.values[first - 1 : last]) for column in table.columns)
     note = f"rows {first} to {last} of {table.rows} were taken"
     return replace(table, columns=columns, first_row=first, notes=(*table.notes, note))

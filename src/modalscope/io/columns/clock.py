@@ -165,7 +165,7 @@ def evened(
     if rate_asked is not None and rate_asked * clock.step > 1 + 1e-3:
         fault = f"its samples follow each other {1 / clock.step:.6g} times a second"
         remedy = "Give a lower rate: nothing stands between the samples."
-        raise DataError(f"resampling {where} to {rate_asked:g} Hz was asked", fault, remedy)
+        raise DataError(f"resampling {where} to {rate_asked:g} Hz:", fault, remedy)
     every = np.stack([c.values for c in channels], axis=1).astype(float)
     filled = bool(clock.gaps) and _lost_in_gaps(every, [count for _, count in clock.gaps]) <= _MAX_LOSS_IN_GAPS
     first, last = (1, times.size) if filled else longest_without_gap(clock, times.size)

@@ -90,7 +90,7 @@ def records(
         outputs=_stacked(others),
         inputs=_stacked(forces) if forces else None,
         sampling_rate=rate,
-        quantities=tuple(kind if (kind := kind_of_unit(column.unit)) in QUANTITIES else None for column in others),
+        quantities=tuple(k if (k := kind_of_unit(c.unit)) in QUANTITIES else table.quantity for c in others),
         output_dofs=tuple(_labels(others, channels, notes)),
         input_dofs=tuple(_labels(forces, channels, notes)),
         units=(tuple(column.unit for column in others), tuple(column.unit for column in forces)),
@@ -276,7 +276,7 @@ def sampling_rate(table: Table, axis: Column | None, options: Options) -> tuple[
         rate = f"{sampling.rate:.6g} Hz, give or take {figures(sampling.doubt, 2)}"
         raise needs(table.where, "a sampling rate", f"the times in {axis} have too few digits: {rate}", remedy)
     if stated is not None and not same_rate(stated, sampling.rate, sampling.doubt):
-        asked = f"reading {table.where} at {stated:g} Hz, as {source} says, was asked"
+        asked = f"reading {table.where} at {stated:g} Hz, as {source} says:"
         remedy = f"Say what is right: --sampling-rate {sampling.rate:.6g}, or {way_out} {stated:g}"
         if given is not None:
             remedy = f"If the times are wrong, leave them out: {way_out} {stated:g}"

@@ -52,6 +52,7 @@ class Table:
     the step, Hz, where a header says them. `complex_values`: whether a header says that values are complex. `notes`: what was found, in
     words. `layout`: the evidence on the layout: part, and what it is. `roles`: what the file itself says of its columns. `first_row`: the
     row of the file that is the first here, from 1 below the head. `begins`: when its clock was at zero, s since 1970, where the file says.
+    `quantity`: of its outputs, where the file says it besides their units.
     """
 
     where: str
@@ -65,6 +66,7 @@ class Table:
     roles: Mapping[int, str] = field(default_factory=dict)
     first_row: int = 1
     begins: float = 0.0
+    quantity: str | None = None
 
     @property
     def rows(self) -> int:

@@ -184,7 +184,7 @@ def of_values(column: Column) -> Iterator[tuple[str, float, str]]:
         yield "index", NEVER, ""
     step = even_step(values)
     yield from _of_what_rises(values, step, counted)
-    if _only(values, (0.0, 1.0)) and len(values) >= _MIN_ROWS:
+    if len(values) >= _MIN_ROWS and np.isin(values, (0, 1)).all() and np.ptp(values) > 0:
         yield "ignore", WORD + 1, "it is 0 or 1, as a trigger"
     if not step and not counted and _stands_still(values):
         yield "ignore", WORD, "it hardly changes, and slowly"
@@ -268,10 +268,6 @@ def even_step(values: Array) -> float:
         return 0.0
     sampling = even_sampling(values.astype(float))
     return 0.0 if sampling is None else 1 / sampling.rate
-
-
-def _only(values: Array, allowed: tuple[float, ...]) -> bool:
-    return bool(np.isin(values, allowed).all() and np.ptp(values) > 0)
 
 
 def _stands_still(values: Array) -> bool:

@@ -212,7 +212,7 @@ def _absent(columns: Sequence[Column], text: str, option: str) -> DataError:
     there = ", ".join(f"{column.number} {column.name}".strip() for column in columns[:12])
     fault = f"the columns are {there}{' ...' if len(columns) > 12 else ''}"
     remedy = "Name columns by their number from 1, by a range such as 3-9, or by their name."
-    return DataError(f"column {text[:60]!r} of --{option} was asked", fault, remedy)
+    return DataError(f"column {text[:60]!r} of --{option}:", fault, remedy)
 
 
 def roles_of_option(columns: Sequence[Column], text: str) -> dict[int, str]:
@@ -238,10 +238,10 @@ def roles_of_option(columns: Sequence[Column], text: str) -> dict[int, str]:
         if not role or not part.strip():
             fault = f"{part.strip()[:60]!r} is not of the form ROLE=COLUMNS"
             remedy = f'Write for instance --columns "time=1,in=2,out=3-9"; the roles are {", ".join(ROLES)}.'
-            raise DataError(f"--columns {text!r} was asked", fault, remedy)
+            raise DataError(f"--columns {text!r}:", fault, remedy)
         for column in named_columns(columns, [part], "columns"):
             if roles.get(column.number, role) != role:
                 fault = f"{column} has two roles there"
-                raise DataError(f"--columns {text!r} was asked", fault, "Give each column one role.")
+                raise DataError(f"--columns {text!r}:", fault, "Give each column one role.")
             roles[column.number] = role
     return roles

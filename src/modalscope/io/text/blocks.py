@@ -63,7 +63,7 @@ def blocks_of(lines: Sequence[Line], key: str) -> list[list[Line]]:
 
 
 def names_of(blocks: Sequence[Sequence[Line]]) -> list[str]:
-    """Return a name a block: the first line of the heads that differs from block to block, else their numbers."""
+    """Return a name per block: the first line of the heads that differs from block to block, else their numbers."""
     for rows in zip(*([line.strip().strip('#%"! ') for _, line in block[:16]] for block in blocks), strict=False):
         if _VALUES.match(rows[0]):
             break

@@ -66,8 +66,10 @@ def lines_of(path: Path, encoding: str, skip: int, space: Room) -> Iterator[Line
         number = blank = read = 0
         while line := file.readline(_MAX_CHARACTERS_OF_LINE):
             number += 1
-            if line == "\n" and blank < _MAX_BLANK_LINES:  # by far the most where there are millions
+            if line.isspace():
                 blank += 1
+                if blank > _MAX_BLANK_LINES:
+                    space.parts("blank lines", blank, _MAX_BLANK_LINES)
                 continue
             read += len(line)
             if read > _CHARACTERS_AT_A_TIME:
@@ -75,11 +77,7 @@ def lines_of(path: Path, encoding: str, skip: int, space: Room) -> Iterator[Line
                 read = 0
             if len(line) == _MAX_CHARACTERS_OF_LINE:
                 space.take(f"line {number}", 100 * len(line))
-            if line.isspace():
-                blank += 1
-                if blank > _MAX_BLANK_LINES:
-                    space.parts("blank lines", blank, _MAX_BLANK_LINES)
-            elif number > skip:
+            if number > skip:
                 yield number, line
 
 

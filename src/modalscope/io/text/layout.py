@@ -61,7 +61,7 @@ Places: TypeAlias = Sequence[tuple[int, int]]
 class Layout:
     """The parts of a text table.
 
-    `width`: cells in a row. `body`: the first row of values, counted in the lines given. `names`, `units`: one a column, empty where
+    `width`: cells in a row. `body`: the first row of values, counted in the lines given. `names`, `units`: one per column, empty where
     there is none. `name_line`, `unit_line`: where they stand, counted likewise; -1 where they do not. `facts`: what stands above.
     """
 
@@ -253,7 +253,7 @@ def _with_one_more(cells: list[str], first: Sequence[str], parted: bool) -> list
 def _fitted(
     line: str, cells: list[str], width: int, dialect: Dialect, places: Sequence[Places], first: Sequence[str]
 ) -> list[str] | None:
-    """Return the cells of a line of text when there is one a column, by any way of parting it; None where there is not.
+    """Return the cells of a line of text when there is one per column, by any way of parting it; None where there is not.
 
     `places`: where the cells of other rows stand, that blanks part. `first`: the cells of the first row of the body.
     """

@@ -128,9 +128,9 @@ def _refuse_cells(where: str, options: Options, delimiter: str | None) -> None:
     }
     given = [name for name, refused in meant.items() if refused]
     if given:
-        names, verb = " and ".join(given), "were" if len(given) > 1 else "was"
+        names = " and ".join(given)
         fault = "it is one channel, its samples separated by blanks and continued over the lines (NPTS)"
-        raise DataError(f"{names} of {where} {verb} asked", fault, f"Leave {names} out.")
+        raise DataError(f"{names} of {where}:", fault, f"Leave {names} out.")
 
 
 def _signs(options: Options) -> tuple[str | None, str | None]:
@@ -142,7 +142,7 @@ def _signs(options: Options) -> tuple[str | None, str | None]:
         delimiter = names.get(str(delimiter), delimiter)
         if not isinstance(delimiter, str) or len(delimiter) > 1:
             fault = "it is not a single character"
-            raise DataError(f"delimiter={delimiter!r} was asked", fault, 'Give one sign, or "tab" or "space".')
+            raise DataError(f"delimiter={delimiter!r}:", fault, 'Give one sign, or "tab" or "space".')
     return delimiter, decimal
 
 
@@ -199,7 +199,7 @@ def _no_body(where: str, bare: list[str], options: Options) -> DataError:
             return unreadable(where, f"{len(named)} of its rows are {cells}", "Exchange rows and columns: --transpose")
     skipped = f" below the {skip} skipped" if skip else ""
     fault = f"no rows of numbers begin in the first {len(bare)} lines{skipped} (the first is {bare[0][:40] if bare else ''!r})"
-    remedy = "Export the table as text with one row a sample or line; lines above it may be left out: --skip N"
+    remedy = "Export the table as text with one row per sample or line; lines above it may be left out: --skip N"
     return unreadable(f"{where} as a table", fault, remedy)
 
 

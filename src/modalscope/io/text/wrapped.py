@@ -10,13 +10,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import islice, takewhile
 from math import isfinite
 
 import numpy as np
 
-from modalscope.data import Signals
 from modalscope.data.shown import counted
 from modalscope.data.units import in_si
 from modalscope.io.columns import Column, Table, contents_from_table
@@ -247,11 +246,9 @@ def wrapped_contents(where: str, head: WrappedHead, body: Iterable[Line], space:
         rate_from="DT in its head" if head.sure else "its head",
         layout=(("head", f"{counted(head.lines, 'line')}, {len(values)} samples run on over the lines below"),),
         roles={} if head.sure else {1: "out"},
+        quantity=(head.sure and head.series) or None,
     )
-    contents = contents_from_table(table, options)
-    if isinstance(contents.thing, Signals) and contents.thing.quantities == (None,) and head.sure and head.series:
-        return replace(contents, thing=replace(contents.thing, quantities=(head.series,)))
-    return contents
+    return contents_from_table(table, options)
 
 
 def _values(where: str, head: WrappedHead, body: Iterable[Line], space: Room) -> list[float]:

@@ -87,10 +87,8 @@ def form(record: Record, values: Mapping[str, Any]) -> str:
             text = str(int(values.get(name, 0)))
         text = text.rjust(width)
         if len(text) > width:
-            asked = f"writing {name} = {values.get(name)} to a universal file was asked"
-            raise DataError(
-                asked, f"it has {_COLUMNS_OF_UNIT} columns there", "Choose a smaller number, or another format."
-            )
+            asked = f"writing {name} = {values.get(name)} to a universal file:"
+            raise DataError(asked, f"it has {width} columns there", "Choose a smaller number, or another format.")
         line += text
     return line
 
@@ -156,7 +154,7 @@ def dof_fields(label: str) -> tuple[str, int, int]:
     if not writable or label_from("", node, 0, direction) != label:
         fault = f"that has a node number or a name of up to {_MAX_LETTERS} ASCII characters"
         remedy = "Give labels of node and direction, such as 3:+Z, as output_dofs and input_dofs."
-        raise DataError(f"writing the channel {label!r} to a universal file was asked", fault, remedy)
+        raise DataError(f"writing the channel {label!r} to a universal file:", fault, remedy)
     return node, 0, direction
 
 
@@ -188,5 +186,5 @@ def unit_in_ascii(text: str) -> str:
     ):
         fault = f"it has {_COLUMNS_OF_UNIT} columns for ASCII characters there, with no blank at either end, and NONE means none"
         remedy = "Shorten or rename it, or choose another format."
-        raise DataError(f"writing the unit {text!r} to a universal file was asked", fault, remedy)
+        raise DataError(f"writing the unit {text!r} to a universal file:", fault, remedy)
     return plain

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 from typing import Any
 
@@ -92,12 +92,12 @@ def by_pair(functions: Sequence[Function], out: Sorted, repeated: str | None) ->
         if before is not None and repeated is None:
             fault = f"{key[0]} / {key[1]} was measured twice: in {before.part} and in {function.part}"
             remedy = 'Give repeated="first" or repeated="last", or leave one out of the export.'
-            raise DataError(f"one {function.words} for each pair of dofs was asked", fault, remedy)
+            raise DataError(f"one {function.words} for each pair of dofs:", fault, remedy)
         if before is None or repeated == "last":
             pairs[key] = function
         if before is not None:
-            lost, asked = before if repeated == "last" else function, f'repeated="{repeated}" was asked'
-            out.left[lost.place] = f"{key[0]} / {key[1]} was measured more than once and {asked}"
+            lost = before if repeated == "last" else function
+            out.left[lost.place] = f'{key[0]} / {key[1]} was measured more than once: repeated="{repeated}"'
     return pairs
 
 
@@ -151,20 +151,16 @@ def _without_gaps(gaps: Array) -> tuple[list[int], list[int]]:
     return np.flatnonzero(kept[0]).tolist(), np.flatnonzero(kept[1]).tolist()
 
 
-def units(functions: Sequence[Function], si: bool) -> list[str]:
-    """Return the units of the ordinates; in a file of SI units those that are not written follow from the data type."""
-    return [function.unit or (SI_UNITS.get(function.quantity, "") if si else "") for function in functions]
+def in_si(function: Function) -> Function:
+    """Return a function of a file of SI units: units that are not written follow from its data types."""
+    unit, unit_in = (SI_UNITS.get(code, "") for code in (function.quantity, function.denominator))
+    return replace(function, unit=function.unit or unit, unit_in=function.unit_in or unit_in)
 
 
-def units_in(functions: Sequence[Function], si: bool) -> list[str]:
-    """Return the units of the denominators, as `units`."""
-    return [function.unit_in or (SI_UNITS.get(function.denominator, "") if si else "") for function in functions]
-
-
-def matrix(pairs: dict[Pair, Function], outputs: Sequence[str], inputs: Sequence[str], si: bool) -> dict[str, Any]:
+def matrix(pairs: dict[Pair, Function], outputs: Sequence[str], inputs: Sequence[str]) -> dict[str, Any]:
     """Return values (points, outputs, inputs), labels and units of a complete matrix."""
     values = np.stack([np.stack([pairs[o, i].values for i in inputs], axis=-1) for o in outputs], axis=1)
-    pair = (units([pairs[o, inputs[0]] for o in outputs], si), units_in([pairs[outputs[0], i] for i in inputs], si))
+    pair = [pairs[o, inputs[0]].unit for o in outputs], [pairs[outputs[0], i].unit_in for i in inputs]
     return {"values": values, "output_dofs": tuple(outputs), "input_dofs": tuple(inputs), "units": pair}
 
 
@@ -180,14 +176,14 @@ def kind_of(function: Function) -> str:
 
 
 def sort_frequency(
-    functions: Sequence[Function], coherences: Sequence[Function], options: dict[str, Any], si: bool, space: Room
+    functions: Sequence[Function], coherences: Sequence[Function], options: dict[str, Any], space: Room
 ) -> Sorted:
     """Make one matrix of frequency responses, with the coherence where it is complete."""
     out = Sorted(room=space)
     group = largest_group(functions, out, options.get("quantity"), by_quantity=True)
     pairs = by_pair(group, out, options.get("repeated"))
     outputs, inputs = complete_block(pairs, out)
-    fields = matrix(pairs, outputs, inputs, si)
+    fields = matrix(pairs, outputs, inputs)
     quantity = QUANTITY_OF.get(group[0].quantity)
     if quantity is None and options.get("quantity") is None:
         out.notes.append("the quantity of the responses is not known: give quantity= when it matters")
@@ -245,11 +241,11 @@ def _evenly(functions: Sequence[Function], out: Sorted, what: str) -> list[Funct
     even = [function for function in functions if _rate_of(function, out) is not None]
     if not even:
         fault = next(iter(out.left.values()))
-        raise DataError(f"{what} were asked", fault, "Resample them evenly before they are exported.")
+        raise DataError(f"{what}:", fault, "Resample them evenly before they are exported.")
     return even
 
 
-def sort_impulse(functions: Sequence[Function], options: dict[str, Any], si: bool, space: Room) -> Sorted:
+def sort_impulse(functions: Sequence[Function], options: dict[str, Any], space: Room) -> Sorted:
     """Make one impulse response: correlations by their type, samples over an excitation force as sampled impulse responses.
 
     Correlations and pulse responses keep what stands at time zero apart, as `feedthrough`; negative lags are ignored.
@@ -265,7 +261,7 @@ def sort_impulse(functions: Sequence[Function], options: dict[str, Any], si: boo
     group = largest_group(_evenly(chosen, out, "impulse responses"), out, options.get("quantity"), by_quantity=True)
     pairs = by_pair(group, out, options.get("repeated"))
     outputs, inputs = complete_block(pairs, out)
-    fields = matrix(pairs, outputs, inputs, si)
+    fields = matrix(pairs, outputs, inputs)
     rate, x = _rate_of(group[0], out) or 0.0, group[0].x
     start = round(float(x[0]) * rate)
     apart, values = kind in ("correlation", "pulse"), fields.pop("values").real
@@ -291,7 +287,7 @@ def _commonest(kinds: Counter[str]) -> str:
     if rest and rest[0][1] == first[1]:
         counts = " and ".join(f"{count} {kind} responses" for kind, count in kinds.items())
         remedy = f'Choose one, read(..., kind="{first[0]}"), and read the other by itself.'
-        raise DataError("impulse responses of one kind were asked", f"the file holds {counts}", remedy)
+        raise DataError("impulse responses of one kind:", f"the file holds {counts}", remedy)
     return first[0]
 
 
@@ -303,7 +299,7 @@ def _impulse_kind(function: Function) -> str:
     return "correlation" if function.kind in _CORRELATIONS else "dirac"
 
 
-def sort_records(functions: Sequence[Function], options: dict[str, Any], si: bool, space: Room) -> Sorted:
+def sort_records(functions: Sequence[Function], options: dict[str, Any], space: Room) -> Sorted:
     """Make one record: forces are inputs, everything else outputs; channels that come R times each are R runs."""
     out = Sorted(room=space)
     group = largest_group(_evenly(functions, out, "records"), out, None, by_quantity=False)
@@ -317,8 +313,7 @@ def sort_records(functions: Sequence[Function], options: dict[str, Any], si: boo
     if len(runs) != 1:
         counts = ", ".join([f"{label} {len(fs)}" for side in sides for label, fs in side.items()][:12])
         fault = f"the file does not hold every channel equally often: {counts}"
-        remedy = "Export every channel of every run, and nothing else."
-        raise DataError("records of whole runs were asked", fault, remedy)
+        raise DataError("records of whole runs:", fault, "Export every channel of every run, and nothing else.")
     count = runs.pop()
     first = [[fs[0] for fs in side.values()] for side in sides]
     out.thing = Signals(
@@ -328,7 +323,7 @@ def sort_records(functions: Sequence[Function], options: dict[str, Any], si: boo
         quantities=tuple(QUANTITY_OF.get(f.quantity) for f in first[0]),
         output_dofs=tuple(sides[0]),
         input_dofs=tuple(sides[1]),
-        units=(tuple(units(first[0], si)), tuple(units(first[1], si))),
+        units=(tuple(f.unit for f in first[0]), tuple(f.unit for f in first[1])),
     )
     if count > 1:
         out.notes.append(f"every channel was measured {count} times: {count} runs")

@@ -198,8 +198,7 @@ def _numbered(geometry: Geometry) -> list[int]:
     odd = [n for n in geometry.nodes if not (n.isdecimal() and str(int(n)) == n and 0 < int(n) < 10**10)]
     if odd:
         fault = f"its nodes {', '.join(odd[:5])} are not whole numbers"
-        asked = "writing a geometry to a universal file was asked"
-        raise DataError(asked, fault, "Number the nodes, or write .npz or .h5.")
+        raise DataError("writing a geometry to a universal file:", fault, "Number the nodes, or write .npz or .h5.")
     return [int(node) for node in geometry.nodes]
 
 

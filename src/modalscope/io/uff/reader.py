@@ -11,7 +11,7 @@ from modalscope.io.contents import Contents, Finding, Options, unreadable
 from modalscope.io.limits import Room, room
 from modalscope.io.uff.function import Function, read_function
 from modalscope.io.uff.layout import DAMAGED, Field, number, parse
-from modalscope.io.uff.matrix import Sorted, kind_of, sort_frequency, sort_impulse, sort_records
+from modalscope.io.uff.matrix import Sorted, in_si, kind_of, sort_frequency, sort_impulse, sort_records
 from modalscope.io.uff.nodes import Parts, add_block, geometry_of
 from modalscope.io.uff.scan import Block, scan
 from modalscope.io.uff.shapes import Shape, modes_of, read_shape
@@ -131,16 +131,16 @@ def _take(sets: _Sets, name: str, want: str, options: dict[str, Any]) -> Sorted:
     if want == "modes":
         return _take_modes(sets, name)
     by_kind: dict[str, list[Function]] = {}
-    for function in sets.functions:
+    for function in map(in_si, sets.functions) if sets.si else sets.functions:
         by_kind.setdefault(kind_of(function), []).append(function)
     chosen = by_kind.get(want, [])
     if not chosen:
         raise _nothing(sets, name, want)
     coherences = by_kind.get("coherence", []) if want == "frequency response" else []
     if want == "frequency response":
-        result = sort_frequency(chosen, coherences, options, sets.si, sets.room)
+        result = sort_frequency(chosen, coherences, options, sets.room)
     else:
-        result = (sort_impulse if want == "impulse response" else sort_records)(chosen, options, sets.si, sets.room)
+        result = (sort_impulse if want == "impulse response" else sort_records)(chosen, options, sets.room)
     used = {function.place for function in [*chosen, *coherences]}
     for function in sets.functions:
         if function.place not in used:

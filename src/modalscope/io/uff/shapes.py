@@ -33,7 +33,7 @@ from modalscope.numerics.functions.poles import poles_from
 _TEXT: Record = (Field("text", 80, "a"),)
 _DEFINITION = (
     Field("model type", 10, "i"), Field("analysis type", 10, "i"), Field("data characteristic", 10, "i"), Field("quantity", 10, "i"),
-    Field("data type", 10, "i"), Field("values a node", 10, "i"),
+    Field("data type", 10, "i"), Field("values per node", 10, "i"),
 )  # fmt: skip
 _NORMAL, _COMPLEX, _COMPLEX_SECOND = 2, 3, 7
 _LABELS = {1: (0,), 2: (1, 2, 3), 3: (1, 2, 3, 4, 5, 6)}
@@ -131,10 +131,10 @@ def _pole(where: str, analysis: int, lines: Sequence[bytes], newer: bool) -> com
 def _values(where: str, lines: Sequence[bytes], head: dict[str, int]) -> dict[tuple[int, int], complex]:
     directions = _LABELS[head["data characteristic"]]
     cplx = head["data type"] in _COMPLEX_TYPES
-    count = head["values a node"] * (2 if cplx else 1)
-    if head["values a node"] != len(directions):
-        fault = f"its header counts {head['values a node']}"
-        raise DataError(f"{where} needs {len(directions)} values a node", fault, DAMAGED)
+    count = head["values per node"] * (2 if cplx else 1)
+    if head["values per node"] != len(directions):
+        fault = f"its header counts {head['values per node']}"
+        raise DataError(f"{where} needs {len(directions)} values per node", fault, DAMAGED)
     values: dict[tuple[int, int], complex] = {}
     rows = iter(lines)
     for line in rows:
@@ -216,7 +216,7 @@ def write_shapes(modes: ModalModel, dataset: int) -> bytes:
 
 def _places(modes: ModalModel) -> tuple[tuple[int, ...], list[tuple[int, int, float]], list[int]]:
     """Return the direction codes of a set, and for every channel its node, its column and its sign."""
-    asked = "writing mode shapes to a universal file was asked"
+    asked = "writing mode shapes to a universal file:"
     nodes, codes_of_dofs, odd = [], [], []
     for label in modes.output_dofs:
         dof = parse_dof(label)
@@ -254,7 +254,7 @@ def _one(
     head: dict[str, Any] = {
         "model type": 1, "analysis type": _UNKNOWN if of_std else _NORMAL if real else _COMPLEX,
         "data characteristic": {1: 1, 3: 2, 6: 3}[len(codes)],
-        "quantity": QUANTITY_CODES[modes.quantity], "data type": 2 if real else 5, "values a node": len(codes),
+        "quantity": QUANTITY_CODES[modes.quantity], "data type": 2 if real else 5, "values per node": len(codes),
     }  # fmt: skip
     title = f"standard deviation of mode {j + 1}" if of_std else f"mode {j + 1}: {f:.6g} Hz, damping ratio {zeta:.6g}"
     texts = ["modalscope", title, _freedom(modes, j), f"shapes {modes.scaling}", _deviations(modes, j)]

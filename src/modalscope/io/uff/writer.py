@@ -39,7 +39,7 @@ def write(path: Path, thing: ArrayData, options: Options) -> None:
     data = _header()
     if isinstance(thing, StateSpace):
         fault = "there is no such dataset"
-        raise DataError(f"writing StateSpace as {path.suffix} was asked", fault, "Use .npz, .mat, .h5 or .json.")
+        raise DataError(f"writing StateSpace as {path.suffix}:", fault, "Use .npz, .mat, .h5 or .json.")
     geometry = thing if isinstance(thing, Geometry) else thing.geometry
     if not isinstance(thing, Geometry):
         data += _units(thing)
@@ -109,8 +109,7 @@ def _impulse(irf: ImpulseResponse) -> list[Function]:
     if irf.feedthrough is not None:
         if irf.kind not in ("pulse", "correlation") or irf.first_sample:
             fault = f"it has a direct term and begins {irf.first_sample} samples late, which has no place there"
-            asked = f"writing a {irf.kind} response to a universal file was asked"
-            raise DataError(asked, fault, "Write .npz or .h5.")
+            raise DataError(f"writing a {irf.kind} response to a universal file:", fault, "Write .npz or .h5.")
         values, times = np.concatenate([irf.feedthrough[None], values]), np.arange(irf.samples + 1) / irf.sampling_rate
     kind = _CORRELATION if irf.kind == "correlation" else _TIME
     texts = (f"impulse response: {irf.kind}",)

@@ -44,7 +44,7 @@ def orthogonal_basis(
     w = np.ones(x.size) if weights is None else np.asarray(weights, dtype=float)
     independent = 2 * np.unique(x).size
     if degree + 1 > independent:
-        asked, have = f"polynomials to degree {degree} were asked", f"{np.unique(x).size} lines determine {independent}"
+        asked, have = f"polynomials to degree {degree}:", f"{np.unique(x).size} lines determine {independent}"
         raise DataError(asked, f"{have} of them", "Use more lines or fewer block rows.")
     rows, squares = np.zeros((degree + 1, 2 * x.size)), np.tile(w**2, 2)  # real parts before imaginary ones
     h = np.zeros((degree + 1, degree))
@@ -149,7 +149,7 @@ def plane_of(domain: str, highest: float, rate: float | None) -> Plane:
         if rate is not None:
             fault = f"the response is that of a system sampled at {rate:g} Hz, not rational in j w"
             remedy = "Use domain='z', or omit sampling_rate if the response is that of the structure itself."
-            raise DataError("domain='s' was asked", fault, remedy)
+            raise DataError("domain='s':", fault, remedy)
         return _scaled(top or 1.0)
     return _bilinear(1 / (top or 1.0)) if rate is None else _exponential(1 / rate)
 

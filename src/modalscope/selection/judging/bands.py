@@ -75,7 +75,7 @@ def merge_bands(
     bands = [check_band(band) for band in check_each("bands", bands, "a list of pairs in Hz")]
     if not results or len(results) != len(bands):
         raise DataError(
-            "merge_bands: one band per result was asked",
+            "merge_bands: one band per result:",
             f"there are {len(results)} results and {len(bands)} bands",
             "Give one band for each result.",
         )
@@ -122,7 +122,7 @@ def _same_channels(results: Sequence[ModalModel]) -> None:
     for other in results[1:]:
         if other.output_dofs != first.output_dofs or other.input_dofs != first.input_dofs:
             raise DataError(
-                "merge_bands: results of the same channels were asked",
+                "merge_bands: results of the same channels:",
                 "outputs or inputs differ",
                 "Select the same channels in every band.",
             )

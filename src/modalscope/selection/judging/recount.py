@@ -93,11 +93,11 @@ def errors_of(left: RealArray, data: RealArray, even: RealArray, unknown: int) -
 
     Of every channel a + b |H|^2, the likeliest for squares of complex normal numbers, times what all channels together are of that around
     a line. With u what is left, divided by its deviations, E Re u_k u*_k+i = q_k q_k+i A_i + s_k s_k+i K_i over all lines and channels: two
-    unknowns a lag, as likely as any before they are seen (their variance is one, that of a product a half).
+    unknowns per lag, as likely as any before they are seen (their variance is one, that of a product a half).
 
     `left`, `data` (2 F, q, p): what a fit leaves, and the whole response, real parts above imaginary ones.
     `even` (F,): squares of what is even noise, up to a factor.
-    `unknown`: real unknowns a channel.
+    `unknown`: real unknowns per channel.
     """
     rows, *shape = left.shape
     left = left.reshape(rows, -1)

@@ -309,14 +309,14 @@ def _response(data: Any, modes: ModalModel, settings: Settings | Mapping[str, An
         response, _ = by_reciprocity(response, True)
     if response.ambient:
         raise DataError(
-            "refinement on correlations was asked",
+            "refinement on correlations:",
             "errors of correlations are correlated between lags: least squares do not maximize the likelihood",
             "Give the records of the correlations.",
         )
     outputs, inputs = response.values.shape[1], len(response.input_dofs)
     if len(modes.shapes) != outputs or (modes.participation is not None and modes.participation.shape[1] != inputs):
         raise DataError(
-            "refinement of modes was asked",
+            "refinement of modes:",
             f"the data have {outputs} outputs and {inputs} inputs, the modes others",
             "Give the data of the identification, or select the same channels in both.",
         )

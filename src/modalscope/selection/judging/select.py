@@ -254,7 +254,7 @@ def _wanted(name: str, frequencies: Iterable[float]) -> list[float]:
     """Return the frequencies asked by hand; none at all is an error, not an empty result."""
     wanted = [check_positive(f"each of {name}", f) for f in check_each(name, frequencies, "numbers in Hz")]
     if not wanted:
-        raise DataError(f"{name} in Hz was asked", "the list is empty", "Give frequencies in Hz, or omit the argument.")
+        raise DataError(f"{name} in Hz:", "the list is empty", "Give frequencies in Hz, or omit the argument.")
     return wanted
 
 
@@ -281,7 +281,7 @@ def _by_hand(
         best = min(near, key=lambda c: (bool(c.against), -c.members.size if len(near) > 1 else 0, abs(c.frequency - f)))
         if any(best is c for c in chosen):
             raise DataError(
-                f"different modes at {', '.join(f'{v:g}' for v in wanted)} Hz were asked",
+                f"different modes at {', '.join(f'{v:g}' for v in wanted)} Hz:",
                 f"two of them match the mode at {best.frequency:.6g} Hz",
                 "Drop one, or lower the tolerance.",
             )
@@ -291,7 +291,7 @@ def _by_hand(
 
 def _none_there(candidates: list[Candidate], f: float, tolerance: float, diagram: StabilizationDiagram) -> DataError:
     """Return what to say where there is no candidate: that a machine's line was taken off there, or which are the nearest."""
-    asked = f"a mode at {f:g} Hz was asked"
+    asked = f"a mode at {f:g} Hz:"
     removed = any(note.kind == "lines removed" for note in diagram.notes)
     if removed and any(abs(line.frequency - f) <= tolerance * f for line in harmonics_of_diagram(diagram)):
         return DataError(

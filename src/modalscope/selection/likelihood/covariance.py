@@ -183,7 +183,7 @@ def degrees_of_wider(deviations: RealArray, degrees: RealArray, between: RealArr
 def deviations_between(poles: ComplexArray, response: Response) -> RealArray | None:
     """Return the deviations of the means over groups, s / sqrt(G), of frequencies (Hz) and damping ratios, (2, n).
 
-    None of fewer than four groups, and without poles. `response`: with `groups`: one label an input.
+    None of fewer than four groups, and without poles. `response`: with `groups`: one label per input.
     """
     labels = response.groups
     if labels is None or len(set(labels)) < LEAST_GROUPS or not len(poles):

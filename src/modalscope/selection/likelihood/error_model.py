@@ -136,7 +136,5 @@ def _settled(response: FrequencyResponse | ImpulseResponse, modes: ModalModel) -
 
 def _participation(modes: ModalModel) -> ComplexArray:
     if modes.participation is None:
-        raise DataError(
-            "the noise of a response was asked", "its modes have no participation", "Use fit_residues first."
-        )
+        raise DataError("the noise of a response:", "its modes have no participation", "Use fit_residues first.")
     return modes.participation

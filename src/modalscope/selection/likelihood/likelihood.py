@@ -3,7 +3,7 @@
     Y_o(k) = Re sum_j c_oj (b_j g_j(k)) + terms,      noise white after division by a deviation a row, an output and an input
 
 b_j are unit vectors of the side with fewer channels, c_oj what the other side has of it; c and the terms follow from poles and b by
-least squares, so that 2 p real unknowns a mode are left, whatever the number q of channels on the other side. The rows are compressed
+least squares, so that 2 p real unknowns per mode are left, whatever the number q of channels on the other side. The rows are compressed
 at every point to the span of the functions g_j and their derivatives by poles, 4 n rows instead of thousands: no derivative that is
 needed lies outside.
 

@@ -246,7 +246,7 @@ class Unknown(Noise):
 
     def drawn(self, shape: tuple[int, ...], rng: np.random.Generator) -> Array:
         """Raise: nothing is known of it."""
-        raise DataError("a certificate was asked", f"the noise is unknown: {self.why}", self.cure)
+        raise DataError("a certificate:", f"the noise is unknown: {self.why}", self.cure)
 
 
 def noise_of(

@@ -242,7 +242,7 @@ def task_of(
 class Settled:
     """The optimum, and the noise that goes with it.
 
-    `variance`: of a row of the whitened data. `unknown`: unknowns a channel. `colour`: of the residual. `worth` (n,): what a gain in
+    `variance`: of a row of the whitened data. `unknown`: unknowns per channel. `colour`: of the residual. `worth` (n,): what a gain in
     variances counts beside one in white noise; see `gain_factor_under_window`. `levels`: of the channels' noise. `powers`: of the terms.
     `levelled`: whether lines were divided by levels of their own.
     """

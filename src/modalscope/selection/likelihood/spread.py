@@ -70,7 +70,7 @@ def spread_of(settled: Settled, poles: ComplexArray, response: Response, groups:
     and of what channels disagree by counts. Where lines have levels of their own, these are no channel's alone, and lines are asked, too.
     Parts in time show what correlates lines.
 
-    `poles` (n,): rad/s, as the modes are to have them. `response`: that was refined. `groups`: one label an input, or a run.
+    `poles` (n,): rad/s, as the modes are to have them. `response`: that was refined. `groups`: one label per input, or a run.
     """
     point, fitted, variance, seen = settled.descent.point, settled.descent.fitted, settled.variance, settled.colour
     information = normal(point, fitted)[0]

@@ -87,7 +87,7 @@ def row_deviations(rows: int, weights: Array | None) -> RealArray:
     w = np.asarray(weights, dtype=float)
     if w.ndim != 1 or w.size == 0 or rows % w.size or not (np.all(np.isfinite(w)) and np.all(w > 0)):
         raise DataError(
-            "refine(weights=...) with one positive number a line or sample was asked",
+            "refine(weights=...) with one positive number per line or sample:",
             f"weights have shape {w.shape}, the data {rows} real rows",
             "Give 1 / standard deviation of each line or sample.",
         )
@@ -171,7 +171,7 @@ def colour_of_lines(
 ) -> Colour:
     """Judge the same, of lines or samples that come some after others, (1 or 2, f, c) each, real and imaginary parts first.
 
-    `power` (c,): mean square of every channel. `count`: of all lines or samples. `unknown`: unknowns a channel: a fit itself correlates
+    `power` (c,): mean square of every channel. `count`: of all lines or samples. `unknown`: unknowns per channel: a fit itself correlates
     what it leaves by about unknown / K. `kept` (K,): the part of white noise that the fit leaves on every row: little where its functions
     are large, and many channels show it. `level`: whether a level that changes counts. `window`: a T of an exponential window over the
     length that a line's distance tells: its noise has the correlation rho_i = 1 / (1 + j pi i / (a T)) between lines, and
@@ -272,7 +272,7 @@ def lag_factor(correlation: RealArray, half: RealArray) -> RealArray:
 def free_bound(channels: int, rows: int) -> float:
     """Return k + 2 sqrt(k t) + 2 t, k = 2 channels, t = ln(positions / 1e-3): what noise gives a pole with free residues, in variances.
 
-    `rows`: real values a channel; half as many positions.
+    `rows`: real values per channel; half as many positions.
     """
     return chi_squared_bound(2 * channels, np.log(max(rows / 2, 2.0) / _CHANCE_OF_ANY))
 
@@ -291,7 +291,7 @@ def search_bound(outputs: int, inputs: int, rows: int) -> float:
     The bound on the largest singular value of an l x m complex normal matrix (K. R. Davidson and S. J. Szarek, 2001), over all
     frequencies that a pole may take, half as many as rows. It counts the free shape and participation and the search.
 
-    `outputs`, `inputs`: channels. `rows`: real values a channel.
+    `outputs`, `inputs`: channels. `rows`: real values per channel.
     """
     positions = max(rows / 2, 2.0)
     return float(2 * (np.sqrt(outputs) + np.sqrt(inputs) + np.sqrt(np.log(positions / _CHANCE_OF_ANY))) ** 2)

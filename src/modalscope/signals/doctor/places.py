@@ -116,7 +116,7 @@ def label_by_place(
         have = f"resonances shift from file to file (one line shape gives {percent(found.shared, 2)} of their energy) and {_apart(found)}"
         have += ": runs at one place have neither, places of one structure differ more"
         change = f"Read each by itself: --each; if one place: --input-dofs 1; if places: {labels_option(every, labels=labels)}{moved}"
-        raise DataError(f"{len(parts)} files as one test were asked", have, change)
+        raise DataError(f"{len(parts)} files as one test:", have, change)
     agree = found.resonances > 1 and found.apart <= ONE  # at one alone several places may
     if named and (found.kind == "several" or not (found.is_sure or agree)):
         moved = f"; if the force moved: {labels_option(every)}" if "output" in named else moved

@@ -93,9 +93,7 @@ def _correlations(runs: RealArray) -> Correlations | None:
     y = y / size
     total = LagSum(l, range(l), max_lag)
     for run in y:
-        of_run = LagSum(l, range(l), max_lag)
-        of_run.add(run)
-        total.merge(of_run)
+        total.add(run)
     lags = total.finish() / count
     lags[0] += _ADDED_VARIANCE * np.eye(l)
     model = Correlations(np.asarray(y), depth, lags, np.zeros((0, 0)))

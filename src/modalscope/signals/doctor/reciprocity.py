@@ -45,7 +45,7 @@ def by_reciprocity(response: Response, reciprocal: bool | None) -> tuple[Respons
             )
             return response, (Note("not exchanged", {"inputs": inputs, "outputs": outputs}, text),)
     elif obstacle:
-        raise DataError("an exchange of inputs and outputs was asked", obstacle, "Leave out reciprocal=True.")
+        raise DataError("an exchange of inputs and outputs:", obstacle, "Leave out reciprocal=True.")
     text = f"Exchanged by reciprocity: shapes are over {inputs} drive points, not {outputs} sensors (else: --no-reciprocal)"
     return response.transposed(), (Note("exchanged", {"inputs": inputs, "outputs": outputs}, text),)
 

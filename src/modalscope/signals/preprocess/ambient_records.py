@@ -60,7 +60,7 @@ def one_record(records: Records, what: str) -> Signals:
     stacks = records.stacked()
     if len(stacks) > 1:
         raise DataError(
-            f"{what} of {len(records.runs)} runs were asked",
+            f"{what} of {len(records.runs)} runs:",
             "they differ in length or inputs",
             "Use route='records', which accepts any runs, or cut them to one length.",
         )
@@ -76,7 +76,7 @@ def aligned(records: Records, delays: Mapping[str, int]) -> tuple[Records, tuple
     unknown = [dof for dof in delays if dof not in records.output_dofs]
     if unknown or longest > shortest - 2:
         have = f"the outputs are {', '.join(records.output_dofs)}, the shortest run has {shortest} samples"
-        raise DataError(f"delays of {dict(delays)} were asked", have, "Name outputs of these, and fewer samples.")
+        raise DataError(f"delays of {dict(delays)}:", have, "Name outputs of these, and fewer samples.")
     if not longest:
         return records, ()
     lags = [delays.get(dof, 0) for dof in records.output_dofs]

@@ -201,7 +201,7 @@ def _filtered(signals: Record, sections: Array | None, factor: int, zero_phase: 
     """Return a filtered record, one sample in `factor` kept; a stored one is filtered while it is read."""
     if signals.samples // factor < 2:
         have = f"the record has {signals.samples} samples"
-        raise DataError(f"one sample in {factor} was asked", have, "Measure longer, or decimate less (decimate=False).")
+        raise DataError(f"one sample in {factor}:", have, "Measure longer, or decimate less (decimate=False).")
     rate = signals.sampling_rate / factor
     if isinstance(signals, StoredSignals):
         of_filter = () if sections is None else tuple(tuple(map(float, section)) for section in sections)
@@ -255,9 +255,7 @@ def filter_band(
     rate = signals.sampling_rate
     if not (0 <= lowest < highest < rate / 2):
         have = f"the record contains 0 to {rate / 2:g} Hz"
-        raise DataError(
-            f"the band {lowest:g} to {highest:g} Hz was asked", have, "Give the lower end first, within these."
-        )
+        raise DataError(f"the band {lowest:g} to {highest:g} Hz:", have, "Give the lower end first, within these.")
     filters = []
     if lowest > 0:
         filters.append(scipy.signal.butter(_HIGH_PASS_ORDER, _LOW_EDGE * lowest, "highpass", fs=rate, output="sos"))
@@ -297,7 +295,7 @@ def _changed_quantities(signals: Signals, power: int) -> tuple[str | None, ...]:
     names: dict[int, str | None] = {place: name for name, place in QUANTITIES.items()}
     for dof, quantity in zip(signals.output_dofs, signals.quantities, strict=True):
         if quantity is not None and QUANTITIES[quantity] + power not in names:
-            asked = f"a record {'differentiated' if power > 0 else 'integrated'} {abs(power)} times was asked"
+            asked = f"a record {'differentiated' if power > 0 else 'integrated'} {abs(power)} times:"
             change = "Lower times, or leave that output out with select(exclude=...)."
             raise DataError(asked, f"the quantity of output {dof} is {quantity}", change)
     return tuple(quantity and names[QUANTITIES[quantity] + power] for quantity in signals.quantities)

@@ -112,7 +112,7 @@ def _lags(signals: Signals | StoredSignals, lags: int | None) -> int:
     check_count("lags", lags, least=2)
     if lags >= signals.samples:
         change = f"Lower lags to at most {signals.samples - 1}; a tenth of that gives a reliable estimate."
-        raise DataError(f"lags={lags} was asked", f"a run has {signals.samples} samples", change)
+        raise DataError(f"lags={lags}:", f"a run has {signals.samples} samples", change)
     return lags
 
 
@@ -165,12 +165,12 @@ def correlation_blocks(
     edges = np.linspace(0, signals.samples, blocks_per_run + 1).round().astype(int)
     if np.any(np.diff(edges) < 2):
         change = f"Lower blocks to at most {signals.runs * signals.samples // 2}."
-        raise DataError(f"blocks={blocks} was asked", f"a run has {signals.samples} samples", change)
+        raise DataError(f"blocks={blocks}:", f"a run has {signals.samples} samples", change)
     last = np.minimum(edges[1:, None], signals.samples - np.arange(count + 1))
     counts = np.tile(np.maximum(last - edges[:-1, None], 0).astype(float), (signals.runs, 1))
     if np.any(counts == 0):
         have = "the last block is shorter than the largest lag"
-        raise DataError(f"blocks={blocks} with {count} lags was asked", have, "Lower blocks or lags.")
+        raise DataError(f"blocks={blocks} with {count} lags:", have, "Lower blocks or lags.")
     if isinstance(signals, StoredSignals):
         return CorrelationBlocks(lag_sums(signals, tuple(chosen), count, tuple(map(int, edges))), counts)
     sums = [
@@ -239,11 +239,11 @@ def estimate_correlation(
     chosen, count = references_of(references, signals.output_dofs), _lags(signals, lags)
     if window is None:
         if segment is not None:
-            raise DataError(f"segment={segment} was asked", "no window is given", 'Give window="hann" with segment.')
+            raise DataError(f"segment={segment}:", "no window is given", 'Give window="hann" with segment.')
         R, estimate = _unbiased(signals, chosen, count), "unbiased"
     elif isinstance(signals, StoredSignals):
         change = "Leave window out, or load the record into memory: record.load()."
-        raise DataError(f"window={window!r} was asked", "a stored record has no windowed estimate", change)
+        raise DataError(f"window={window!r}:", "a stored record has no windowed estimate", change)
     else:
         R, estimate = _windowed(signals, chosen, count, check_window(window), segment, overlap)
     names = [signals.output_dofs[i] for i in chosen]
@@ -272,9 +272,8 @@ def _unbiased(signals: Signals | StoredSignals, references: list[int], lags: int
     check_size(signals)
     sums = LagSum(len(signals.output_dofs), references, lags)
     for y in signals.by_run()[0]:
-        of_run = LagSum(sums.channels, references, lags, y.mean(axis=0))
-        of_run.add(y)
-        sums.merge(of_run)
+        sums.mean = y.mean(axis=0)
+        sums.add(y)
     return sums.finish() / (signals.runs * (signals.samples - np.arange(lags + 1)))[:, None, None]
 
 
@@ -284,12 +283,12 @@ def _windowed(
     """Return R(0 ... lags) averaged over windowed segments, divided by the correlation of the window."""
     length = min(4 * lags, signals.samples) if segment is None else segment
     if not lags < length <= signals.samples:
-        asked, change = f"segment={length} for {lags} lags was asked", f"Give {lags + 1} to {signals.samples}."
+        asked, change = f"segment={length} for {lags} lags:", f"Give {lags + 1} to {signals.samples}."
         raise DataError(asked, f"a run has {signals.samples} samples", change)
     starts, w, _ = Segments.of(signals.samples, length, overlap, window)
     weight = scipy.signal.correlate(w, w)[length - 1 : length + lags]
     if weight[-1] < _MIN_WINDOW * weight[0]:
-        asked = f"segment={length} under a {window} window for {lags} lags was asked"
+        asked = f"segment={length} under a {window} window for {lags} lags:"
         change = f"Raise segment to {2 * lags} or more, or lower lags."
         raise DataError(asked, "this window has no overlap with itself at the largest lag", change)
     total = np.zeros((lags + 1, len(signals.output_dofs), len(references)))
@@ -329,7 +328,7 @@ def half_spectra(correlation: ImpulseResponse, *, lines: int | None = None) -> F
     check_size(correlation)
     if correlation.kind != "correlation" or correlation.feedthrough is None:
         have = f"this is a {correlation.kind} response" + (" without R(0)" if correlation.feedthrough is None else "")
-        raise DataError("half spectra of a correlation were asked", have, "Give the result of estimate_correlation.")
+        raise DataError("half spectra of a correlation:", have, "Give the result of estimate_correlation.")
     R: Array = np.concatenate([correlation.feedthrough[None] / 2, correlation.values])
     count = correlation.samples // 2 + 1 if lines is None else lines
     check_fits(f"half spectra on {count} lines", 32.0 * count * R[0].size, "Give fewer lines.")

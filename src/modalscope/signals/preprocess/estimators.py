@@ -58,7 +58,7 @@ def noise_powers(spectra: CrossSpectra, estimator: str, noise: tuple[ArrayLike, 
             change = "Give a pair (outputs, inputs), each one number, or one per channel."
             raise DataError(asked, f"it is {noise!r}", change) from None
         if estimator == "h1" or not (np.all(outputs > 0) and np.all(inputs > 0)):
-            asked = f"estimator={estimator!r} with noise={noise!r} was asked"
+            asked = f"estimator={estimator!r} with noise={noise!r}:"
             change = 'Give positive powers with estimator="hv", or leave noise out.'
             raise DataError(asked, "H1 assumes all noise on the outputs, and powers are above zero", change)
     if estimator == "h2":
@@ -71,7 +71,7 @@ def check_inputs(spectra: CrossSpectra, labels: tuple[str, ...]) -> None:
     m = len(labels)
     if spectra.averages < m:
         change = f"Give at least {m} runs with different forces, or shorter segments."
-        raise DataError(f"responses to {m} inputs were asked", f"the number of averages is {spectra.averages}", change)
+        raise DataError(f"responses to {m} inputs:", f"the number of averages is {spectra.averages}", change)
     if m == 1:
         return
     root = np.sqrt(np.einsum("fii->fi", spectra.inputs).real)
@@ -81,7 +81,7 @@ def check_inputs(spectra: CrossSpectra, labels: tuple[str, ...]) -> None:
     if dependent.any():
         first = spectra.frequencies[np.argmax(dependent)]
         raise DataError(
-            f"separate responses to {', '.join(labels)} were asked",
+            f"separate responses to {', '.join(labels)}:",
             f"the forces are dependent at {int(np.sum(dependent))} of {least.size} lines, the first at {first:g} Hz",
             f"Measure at least {m} runs with independent forces, or leave an input out with select().",
         )
@@ -214,7 +214,7 @@ def synchronous(
     runs, samples = outputs.shape[:2]
     periods = samples // period - settle
     if periods < 1:
-        asked = f"an average over periods of {period} samples after {settle} of settling was asked"
+        asked = f"an average over periods of {period} samples after {settle} of settling:"
         raise DataError(asked, f"a run has {samples // period}", "Lower settle, or measure more periods.")
     kept = slice(settle * period, (settle + periods) * period)
     Y = fft.rfft(outputs[:, kept].reshape(runs, periods, period, -1), axis=2)  # (R, P, F, l)
@@ -233,7 +233,7 @@ def synchronous(
     silent = silent_lines(spectra) | _only_noise(U, Um)
     if np.all(silent):
         asked, change = (
-            f"an average over periods of {period} samples was asked",
+            f"an average over periods of {period} samples:",
             'Correct the period, or give excitation="random".',
         )
         raise DataError(asked, "the forces do not repeat with this period", change)

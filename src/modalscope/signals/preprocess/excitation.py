@@ -137,7 +137,7 @@ def driven_records(signals: Signals, asked: str) -> tuple[RealArray, RealArray]:
     outputs, inputs = signals.by_run()
     if inputs is None:
         change = "Give the forces as inputs, or use estimate_correlation for outputs alone."
-        raise DataError(f"{asked} were asked", "the record has no inputs", change)
+        raise DataError(f"{asked}:", "the record has no inputs", change)
     return outputs, inputs
 
 
@@ -232,10 +232,10 @@ def find_period(forces: RealArray, period: int | None) -> int:
         period = _repeat(forces)
         if period is None:
             change = 'Give period in samples, or excitation="random".'
-            raise DataError("a synchronous average was asked", "the forces do not repeat within half a run", change)
+            raise DataError("a synchronous average:", "the forces do not repeat within half a run", change)
     check_count("period", period, least=2)
     if samples < 2 * period:
-        asked, have = f"period={period} was asked", f"a run has {samples} samples, fewer than two periods"
+        asked, have = f"period={period}:", f"a run has {samples} samples, fewer than two periods"
         raise DataError(asked, have, 'Measure more periods, or give excitation="random".')
     return period
 

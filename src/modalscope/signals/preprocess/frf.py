@@ -205,7 +205,7 @@ def _local(
     if cut or averaged:
         have = f"the excitation is {kind}" if cut else "an option of averaged segments was given"
         change = "Use estimator='h1' there; local models need whole runs of random forces, sweeps or bursts."
-        raise DataError(f"estimator={estimator!r} was asked", have, change)
+        raise DataError(f"estimator={estimator!r}:", have, change)
     local = local_models(signals, estimator, 2 if degree is None else degree, half_width)
     model = {"lpm": "local polynomial", "lrm": "local rational"}[estimator]
     note = f"{model} models on {2 * local.half_width + 1} lines of whole runs, no window, no average"
@@ -216,10 +216,7 @@ def _check_forces(signals: Signals) -> None:
     inputs = np.concatenate(driven_records(signals, "frequency responses")[1])
     dead = [dof for dof, force in zip(signals.input_dofs, inputs.T, strict=True) if np.all(force == force[0])]
     if dead:
-        asked, have = (
-            f"responses to {', '.join(signals.input_dofs)} were asked",
-            f"{', '.join(dead)} is constant: no force",
-        )
+        asked, have = (f"responses to {', '.join(signals.input_dofs)}:", f"{', '.join(dead)} is constant: no force")
         raise DataError(asked, have, f"Leave it out: select(exclude={dead!r}).")
 
 
@@ -235,10 +232,10 @@ def _check_options(
     for name, value, kinds in options:
         if value is not None and kind not in kinds:
             needed = " or ".join(map(repr, kinds))
-            raise DataError(f"{name} was asked", have, f"Leave it out, or give excitation={needed}.")
+            raise DataError(f"{name}:", have, f"Leave it out, or give excitation={needed}.")
     if kind == "periodic" and estimator != "h1":
         change = "Give estimator='h1': averaging over periods removes noise on both sides."
-        raise DataError(f"estimator={estimator!r} was asked", have, change)
+        raise DataError(f"estimator={estimator!r}:", have, change)
 
 
 def _periodic(signals: Signals, period: int | None, settle: int, zoom: tuple[float, float] | None) -> _Result:

@@ -77,7 +77,7 @@ def exponential_decay(end: float, duration: float) -> float:
     """
     if not (0 < end <= 1 and duration > 0):
         have = f"its end is {end!r}, its duration {duration!r} s"
-        raise DataError("an exponential window was asked", have, "Give end between 0 and 1, and a positive duration.")
+        raise DataError("an exponential window:", have, "Give end between 0 and 1, and a positive duration.")
     return float(-np.log(end) / duration)
 
 
@@ -210,13 +210,13 @@ def cut_hits(
     """
     if not hits:
         change = 'Give hits="all" to use the others, or another excitation.'
-        raise DataError("frequency responses of hammer hits were asked", "the record has no usable hit", change)
+        raise DataError("frequency responses of hammer hits:", "the record has no usable hit", change)
     starts = [max(hit.start - before, 0) for hit in hits]
     least = min(hits, key=lambda hit: room[hit.number]).number
     length = room[least] if segment is None else check_count("segment", segment, least=2)
     if length > room[least]:
         asked, have = (
-            f"segment={length} for every hit was asked",
+            f"segment={length} for every hit:",
             f"hit {least} is followed by only {room[least]} samples before the next hit, or the end of the record",
         )
         raise DataError(asked, have, f"Lower segment to at most {room[least]}, or leave that hit out.")

@@ -106,10 +106,9 @@ def local_models(signals: Signals, kind: str = "lrm", degree: int = 2, half_widt
     default = max(-(-(unknowns + _MIN_FREEDOM - runs) // (2 * runs)), 1)
     n = default if half_width is None else half_width
     if n < least or lines < 2 * n + 1:
-        asked = f"a local model of degree {degree} on {2 * n + 1} lines of {runs} runs was asked"
+        asked = f"a local model of degree {degree} on {2 * n + 1} lines of {runs} runs:"
         have = f"it has {unknowns} unknowns in {min(lines, 2 * n + 1) * runs} equations; the runs have {lines} lines"
-        change = f"Give half_width={max(least, 1)} or more, lower the degree, or measure longer."
-        raise DataError(asked, have, change)
+        raise DataError(asked, have, f"Give half_width={max(least, 1)} or more, lower the degree, or measure longer.")
     solve = _rational if kind == "lrm" else _polynomial
     parts = []
     step = max(1, _MAX_NUMBERS // (runs * (2 * n + 1) * (unknowns + Y.shape[2])))
@@ -163,7 +162,7 @@ def _decomposed(K: ComplexArray) -> _Regressors:
     if not np.all(independent):
         have = f"on {int(np.sum(~independent))} of {len(d)} lines the forces vanish, or are proportional to others"
         change = "Leave one out with select(), cut the band with filter_band(), or use estimator='h1'."
-        raise DataError("a local model of the responses was asked", have, change)
+        raise DataError("a local model of the responses:", have, change)
     inverse = (Qh.conj().transpose(0, 2, 1) / d[:, None, :]) @ P.conj().transpose(0, 2, 1)
     return _Regressors(P, inverse / scale[:, :, None])
 

@@ -148,7 +148,7 @@ def estimate_markov(
         orders = ", ".join(str(p) for p, _ in islice(tried.best_first(), _MAX_ATTEMPTS))
         have = f"with order {orders} it grows: noise hides the damping, or the structure is unstable"
         change = "Give another observer_order, exclude redundant or noisy channels, or measure longer."
-        raise DataError("a response by an observer (OKID) was asked", have, change)
+        raise DataError("a response by an observer (OKID):", have, change)
     Y, end = response
     by_input = output_scale[:, None] / input_scale
     choice = f"{'chosen' if observer_order is None else 'given'}, {rank} of {tried.regression.unknowns(p)} directions"

@@ -57,7 +57,7 @@ def _check_same(parts: Sequence[Any], name: str, change: str) -> None:
     for number, value in enumerate(values[1:], 2):
         if value != values[0]:
             have = f"part 1 has {values[0]}, part {number} {value}"
-            raise DataError(f"parts of the same {name.replace('_', ' ')} were asked", have, change)
+            raise DataError(f"parts of the same {name.replace('_', ' ')}:", have, change)
 
 
 @dataclass(slots=True)
@@ -99,7 +99,7 @@ def _union(parts: Sequence[Any]) -> _Union:
     if len(missing):
         have = f"no part contains {outputs[missing[0, 0]]} / {inputs[missing[0, 1]]}"
         have += f" and {len(missing) - 1} other pairs" if len(missing) > 1 else ""
-        asked = f"a response of {len(outputs)} outputs to {len(inputs)} inputs was asked"
+        asked = f"a response of {len(outputs)} outputs to {len(inputs)} inputs:"
         raise DataError(asked, have, "Add the missing runs, or select the channels that are complete.")
     weights = [float(getattr(part, "averages", None) or 1) for part in parts]
     both = (tuple(units[0][d] for d in outputs), tuple(units[1][d] for d in inputs))
@@ -234,7 +234,7 @@ def merge(parts: Iterable[Part | Test], **options: Any) -> Part | Test:
         raise DataError("parts to merge need to be of one kind", f"there are {', '.join(sorted(kinds))}", change)
     if not isinstance(given[0], Signals) and options:
         have = "responses are merged without options"
-        raise DataError(f"{next(iter(options))} was asked", have, "Leave it out, or merge the records.")
+        raise DataError(f"{next(iter(options))}:", have, "Leave it out, or merge the records.")
     if len(given) == 1:
         return given[0]
     if isinstance(given[0], Signals):
@@ -260,7 +260,7 @@ def _merge_records(parts: list[Signals], options: dict[str, Any]) -> Part | Test
         if alike and options:
             have = "records of the same channels are stacked as runs, without an estimate"
             change = "Give it to estimate_frf or estimate_correlation of the result."
-            raise DataError(f"{next(iter(options))} was asked", have, change)
+            raise DataError(f"{next(iter(options))}:", have, change)
         if alike and len({p.samples for p in parts}) == 1:
             return _runs(parts)
         if not options:

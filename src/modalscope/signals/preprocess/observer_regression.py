@@ -221,9 +221,9 @@ def tried_orders(outputs: RealArray, inputs: RealArray, given: int | None) -> Tr
         smallest = smallest or candidate
     if not determined or smallest is None:
         order = given or 1
-        asked = f"an observer of order {order} for {l} outputs and {m} inputs was asked"
+        asked = f"an observer of order {order} for {l} outputs and {m} inputs:"
         equations = max(runs * (samples - order), 0)
-        have = f"it has {m + order * (l + m)} unknowns an output, and the record gives {equations} equations"
+        have = f"it has {m + order * (l + m)} unknowns per output, and the record gives {equations} equations"
         raise DataError(asked, have, "Lower observer_order, or measure longer.")
     orders = _orders_to_try(determined, given)
     ranks, errors = zip(*(smallest.cross_validated(smallest.unknowns(p)) for p in orders), strict=True)

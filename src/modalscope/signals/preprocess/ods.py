@@ -93,7 +93,7 @@ def ods(
     span = (float(lines[0]), float(lines[-1]))
     outside = [f for f in asked if not span[0] <= f <= span[1]]
     if outside or not asked:
-        asked_for = f"deflection shapes at {', '.join(f'{f:g}' for f in asked) or 'no frequency'} Hz were asked"
+        asked_for = f"deflection shapes at {', '.join(f'{f:g}' for f in asked) or 'no frequency'} Hz:"
         raise DataError(asked_for, f"the data go from {span[0]:g} to {span[1]:g} Hz", "Ask for frequencies in between.")
     index = np.array([int(np.argmin(np.abs(lines - f))) for f in asked])
     return _shapes(data, lines[index], np.array([shapes(k) for k in index]).T, "a frequency")
@@ -120,10 +120,10 @@ def _at_times(data: Any, time: Any) -> ModalModel:
     """Return the analytic signal of a record without its mean at the nearest samples."""
     check_kind("a time", data, Signals)
     if data.outputs.ndim > 2:
-        raise DataError("deflection shapes at a time were asked", "the record has several runs", "Give one run.")
+        raise DataError("deflection shapes at a time:", "the record has several runs", "Give one run.")
     asked = np.atleast_1d(real_array("time", np.array(list(time) if np.iterable(time) else [time]), "(times,)", 1))
     if asked.size == 0 or asked.min() < 0 or asked.max() > data.duration:
-        asked_for = f"deflection shapes at {', '.join(f'{t:g}' for t in asked) or 'no time'} s were asked"
+        asked_for = f"deflection shapes at {', '.join(f'{t:g}' for t in asked) or 'no time'} s:"
         raise DataError(asked_for, f"the record lasts {data.duration:g} s", "Ask for times within it.")
     k = np.clip(np.round(asked * data.sampling_rate).astype(int), 1, data.samples - 2)
     from scipy.signal import hilbert
@@ -137,7 +137,7 @@ def _at_orders(data: Any, orders: list[float], tacho: Any) -> ModalModel:
     """Return the shapes at orders of a rotation, by weighted least squares on functions of its angle."""
     check_kind("orders of a rotation", data, Signals)
     if data.outputs.ndim > 2:
-        raise DataError("orders of a rotation were asked", "the record has several runs", "Give one run.")
+        raise DataError("orders of a rotation:", "the record has several runs", "Give one run.")
     if isinstance(tacho, str):
         pulses, data = _pulses(data, tacho), data.select(exclude=[tacho])
     else:
@@ -150,7 +150,7 @@ def _at_orders(data: Any, orders: list[float], tacho: Any) -> ModalModel:
     if pulses.size <= _LEAST_TURNS or inside.size < unknowns:
         have = f"the tacho has {pulses.size} pulses in {data.duration:.4g} s"
         change = "Give a longer record, or another channel of pulses."
-        raise DataError(f"shapes at {len(orders)} orders of a rotation were asked", have, change)
+        raise DataError(f"shapes at {len(orders)} orders of a rotation:", have, change)
     angle = 2 * np.pi * CubicSpline(pulses, np.arange(pulses.size))(time[inside])
     turns = [column for k in orders for column in (np.cos(k * angle), -np.sin(k * angle))]
     weight = np.hanning(inside.size + 2)[1:-1, None]
@@ -166,7 +166,7 @@ def _pulses(record: Signals, tacho: str) -> Array:
     found = [values[:, list(names).index(tacho)] for names, values in sides if values is not None and tacho in names]
     if not found:
         have = f"there are {', '.join(map(str, (*record.output_dofs, *record.input_dofs)))}"
-        raise DataError(f"the tacho {tacho!r} was asked", have, "Name one of them, or give the times of the pulses.")
+        raise DataError(f"the tacho {tacho!r}:", have, "Name one of them, or give the times of the pulses.")
     return np.asarray(_rises(found[0]) / record.sampling_rate)
 
 
@@ -182,7 +182,7 @@ def _on_lines(data: Any, input: str | int | None) -> tuple[Array, Any]:
     if isinstance(data, Signals):
         if data.inputs is None:
             if input is not None:
-                raise DataError(f"input {input!r} was asked", "the records have no inputs", "Leave input out.")
+                raise DataError(f"input {input!r}:", "the records have no inputs", "Leave input out.")
             fdd = decomposition(data)
             return fdd.frequencies, lambda k: fdd.vectors[k, :, 0] * np.sqrt(fdd.singular_values[k, 0])
         data = estimate_frf(data)
@@ -207,4 +207,4 @@ def _column(columns: Any, input: str | int) -> int:
         return input
     if isinstance(input, str) and input in listed:
         return listed.index(input)
-    raise DataError(f"input {input!r} was asked", f"there are {', '.join(listed)}", "Name one, or count from zero.")
+    raise DataError(f"input {input!r}:", f"there are {', '.join(listed)}", "Name one, or count from zero.")

@@ -102,12 +102,10 @@ def plan_hits(
     """Cut the chosen hits out of the record, one segment each."""
     if len(signals.input_dofs) != 1:
         change = "Select the runs of each hammer point, select(inputs=...), and merge their responses."
-        raise DataError(
-            "hammer hits were asked", f"the record has {len(signals.input_dofs)} inputs instead of one", change
-        )
+        raise DataError("hammer hits:", f"the record has {len(signals.input_dofs)} inputs instead of one", change)
     if check_window(window) != "none":
         change = "Give exponential=0.01, and force_window in seconds."
-        raise DataError(f"window={window!r} for hits was asked", "it suppresses the hit itself", change)
+        raise DataError(f"window={window!r} for hits:", "it suppresses the hit itself", change)
     outputs, inputs = without_offset(signals, "impact")
     all_hits = find_hits(inputs[:, :, 0])
     room = room_of(all_hits, signals.samples, before)
@@ -127,7 +125,7 @@ def _chosen(all_hits: list[Hit], asked: str | Iterable[int]) -> tuple[list[Hit],
         numbers = set(asked)
         if unknown := sorted(numbers - {hit.number for hit in all_hits}):
             have, change = f"the record has hits 1 to {len(all_hits)}", "Number them from 1 over all runs."
-            raise DataError(f"hit {unknown[0]} was asked", have, change)
+            raise DataError(f"hit {unknown[0]}:", have, change)
         used = [hit for hit in all_hits if hit.number in numbers]
     excluded = ", ".join(f"{hit.number}, {hit.reason or 'not chosen'}" for hit in all_hits if hit not in used)
     note = f"hits {', '.join(str(hit.number) for hit in used)}"
@@ -166,9 +164,7 @@ def zoom_lines(band: tuple[float, float], length: int, sampling_rate: float, lin
     low, high = float(band[0]), float(band[1])
     if not 0 <= low < high <= sampling_rate / 2:
         have = f"the record contains 0 to {sampling_rate / 2:g} Hz"
-        raise DataError(
-            f"a zoom into {low:g} to {high:g} Hz was asked", have, "Give the lower end first, within these."
-        )
+        raise DataError(f"a zoom into {low:g} to {high:g} Hz:", have, "Give the lower end first, within these.")
     if lines is not None:
         count = check_count("zoom_lines", lines, least=2)
         # spectra of a channel at least, and what the chirp makes of them
@@ -179,7 +175,7 @@ def zoom_lines(band: tuple[float, float], length: int, sampling_rate: float, lin
     if last <= first:
         have = f"segments of {length} samples give lines {step:g} Hz apart, fewer than two inside"
         change = "Lengthen segment, widen the band, or give zoom_lines."
-        raise DataError(f"a zoom into {low:g} to {high:g} Hz was asked", have, change)
+        raise DataError(f"a zoom into {low:g} to {high:g} Hz:", have, change)
     return np.asarray(np.arange(first, last + 1) * step, dtype=float)
 
 

@@ -181,7 +181,7 @@ def _check(parts: Sequence[ImpulseResponse], depth: int | None) -> None:
                 "every setup needs all references among its outputs", f"setup {number} lacks {missing}", change
             )
         if part.samples < least:
-            asked, change = f"setups with at least {least} lags were asked", "Estimate more lags."
+            asked, change = f"setups with at least {least} lags:", "Estimate more lags."
             raise DataError(asked, f"setup {number} has {part.samples}", change)
 
 

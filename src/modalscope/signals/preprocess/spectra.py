@@ -52,11 +52,9 @@ def segment_starts(samples: int, segment: int, overlap: float) -> list[int]:
     check_count("segment", segment, least=2)
     if segment > samples:
         change = f"Lower segment to at most {samples}."
-        raise DataError(f"segments of {segment} samples were asked", f"a run has {samples}", change)
+        raise DataError(f"segments of {segment} samples:", f"a run has {samples}", change)
     if not 0 <= overlap < 1:
-        raise DataError(
-            f"overlap={overlap!r} was asked", "it is a part of a segment, 0 to below 1", "Give 0.5 for half."
-        )
+        raise DataError(f"overlap={overlap!r}:", "it is a part of a segment, 0 to below 1", "Give 0.5 for half.")
     return list(range(0, samples - segment + 1, max(1, round(segment * (1 - overlap)))))
 
 

@@ -38,27 +38,26 @@ _COPIES = 6
 
 
 class LagSum:
-    """Sum over t of y(t + k) y_ref(t)', k = 0 ... lags, of the products that were added; sums of chunks add up.
+    """Sum over t of y(t + k) y_ref(t)', k = 0 ... lags, of the products that were added, chunk by chunk.
 
     Every block is padded with zeros, so that no product wraps around. The cross spectra of the blocks are summed and transformed back
     once, at the end where those of all references take little memory.
 
-    `channels`: l. `references`: channels at t. `mean` (l,): subtracted from every sample as it is read; zero by default.
+    `channels`: l. `references`: channels at t. `mean` (l,): subtracted from every sample as it is read; zero until it is set.
 
     Examples
     --------
     >>> y = np.random.default_rng(0).standard_normal((50, 2))
-    >>> total, other = LagSum(2, [0], lags=3), LagSum(2, [0], lags=3)
+    >>> total = LagSum(2, [0], lags=3)
     >>> total.add(y[:33], times=30)  # products of the first thirty times reach three samples on
-    >>> other.add(y[30:])
-    >>> total.merge(other)
+    >>> total.add(y[30:])
     >>> bool(np.allclose(total.finish()[2], y[2:].T @ y[:-2, :1]))
     True
     """
 
-    def __init__(self, channels: int, references: Sequence[int], lags: int, mean: RealArray | None = None) -> None:
+    def __init__(self, channels: int, references: Sequence[int], lags: int) -> None:
         self.channels, self.references, self.lags = channels, tuple(references), lags
-        self.mean = np.zeros(channels) if mean is None else mean
+        self.mean: RealArray = np.zeros(channels)
         self._length = int(fft.next_fast_len(max(_BLOCK_OVER_LAGS * lags, _MIN_BLOCK) + lags, real=True))
         self._block = self._length - lags
         self._sums: RealArray = np.zeros((lags + 1, channels, len(self.references)))
@@ -112,10 +111,6 @@ class LagSum:
                 np.take(later[i, :count], columns, axis=1, out=now[i, :count], mode="clip")  # without a copy
                 later[i, len(rows) :], now[i, count:] = 0, 0
             yield later[: len(group)], now[: len(group)]
-
-    def merge(self, other: LagSum) -> None:
-        """Add the sums of another."""
-        self._sums += other.finish()
 
     def finish(self) -> RealArray:
         """Return the sums, (lags + 1, l, r), lag 0 first."""

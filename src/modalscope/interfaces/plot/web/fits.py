@@ -126,7 +126,7 @@ def channel_blob(
         outputs, columns = response.values.shape[1:]
         if pair and not (0 <= pair[0] < outputs and 0 <= pair[1] < columns):
             counts = f"there are {outputs} outputs and {columns} inputs"
-            raise DataError(f"channel {output}, {column} was asked", counts, "Choose one of these.")
+            raise DataError(f"channel {output}, {column}:", counts, "Choose one of these.")
         chosen = of_band(modes, diagram, len(diagrams))
         curves = _channel_lines(response, chosen, pair)
         parts.append(cut_to_band(curves, diagram, len(diagrams)))
