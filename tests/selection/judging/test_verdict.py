@@ -87,7 +87,7 @@ def test_a_damped_pole_stands_for_modes_outside_where_its_bandwidth_reaches_an_e
     frequency: float, outside: bool
 ) -> None:
     """Two half bandwidths of 2 Hz from the ends of 10 to 30 Hz; in coloured errors it may stand for anything anywhere."""
-    pole = 2 * np.pi * complex(-2.0, frequency)
+    pole = poles_from(frequency, 2 / frequency)
     for coloured in (False, True):
         trial = SimpleNamespace(
             selection=SimpleNamespace(coloured=coloured, band=(10.0, 30.0)), contest=SimpleNamespace(poles=[pole])

@@ -49,9 +49,6 @@ _MAX_LINES_OF_BLOCK = 64
 #: Maximum number of rows and of columns of a cluster that are examined, the strongest: others shift as these do.
 _MAX_ROWS, _MAX_COLUMNS = 48, 16
 
-#: What poles may shift by.
-_WAYS = ("row", "column")
-
 #: Steps of a fit at most, those of one that is only a start, its tolerance (variances, and relative), and its Levenberg-Marquardt damping.
 _STEPS, _FEW_STEPS, _TOLERANCE, _RELATIVE_TOLERANCE = 25, 10, 0.05, 1e-5
 _DAMPING, _MIN_DAMPING, _MAX_DAMPING_OF_STEPS = 1e-3, 1e-6, 1e6
@@ -347,8 +344,8 @@ class _Cluster:
             return _Modes(one.means if rank == 1 else s[strongest], np.zeros(2), 1.0)
         begun, found = [int(np.argmax(self._size(shared)))], self.as_one()
         usual = np.maximum(np.median(_beyond_noise(scatters), axis=0), [0, _LEAST_SHIFT])
-        centres, fewer = found.means, one
-        cost = found.misfit if self._usual_scatter(found, scatters, place) else np.inf
+        centres, fewer, own = found.means, one, found.scatter(0)
+        cost = found.misfit if np.any(own <= _MAX_SCATTER * _usually(scatters, place, own)) else np.inf
         for m in range(1, len(s)):
             room = bar + 2 * q * p * (len(s) - m - 1) / self.factor + _MAX_LACKING * (fewer.misfit - shared.misfit)
             if cost <= shared.misfit + room:
@@ -356,12 +353,6 @@ class _Cluster:
             begun, (centres, found, cost) = self._next(begun, usual)
             fewer = self.fitted(s[begun][:, None, None])
         return _Modes(s, np.zeros(2), 1.0)
-
-    @staticmethod
-    def _usual_scatter(one: _Fit, scatters: RealArray, place: int) -> bool:
-        """Return whether a single mode scatters by no more than five times what the median other mode does, see `_usually`."""
-        own = one.scatter(0)
-        return bool(np.any(own <= _MAX_SCATTER * _usually(scatters, place, own)))
 
     def _rank(self, one: _Fit) -> int:
         """Return the rank of the residue of one pole: of repeated modes it has one for each.
@@ -382,13 +373,20 @@ class _Cluster:
         return int(min(q, p))
 
     def as_one(self, *, both: bool = True) -> _Fit:
-        """Return one mode for all poles of the cluster, which shifts by row, by column, or by `both`."""
-        s = self.poles[self.which]
-        if len(s) == 1:
-            return self._shifting(dict.fromkeys(_WAYS, s[:, None, None]), steps=_FEW_STEPS, both=both)
+        """Return the likeliest single mode for all poles: one that shifts by row, by column, or by `both`.
+
+        By both it starts from the better of the others and from its mean.
+        """
         candidates, misfits = self._candidates
+        steps = _FEW_STEPS if len(self.which) == 1 else _STEPS
         rows, columns = (candidates[np.argmin(misfits.sum(axis=axis), axis=0)] for axis in (2, 1))
-        return self._shifting({"row": rows[None, :, None], "column": columns[None, None, :]}, both=both)
+        starts = {"row": rows[None, :, None], "column": columns[None, None, :]}
+        ways = [way for way, count in zip(starts, self.channels, strict=True) if count > 1]
+        found = [self.fitted(starts[way], way, steps=steps) for way in ways]
+        best = min(found, key=lambda fit: fit.misfit)
+        if both and len(ways) == 2:
+            found += [self.fitted(start, "both", steps=steps) for start in (best.poles, best.means[:, None, None])]
+        return min(found, key=lambda fit: fit.misfit)
 
     @cached_property
     def _candidates(self) -> tuple[ComplexArray, RealArray]:
@@ -411,10 +409,9 @@ class _Cluster:
 
     def _next(self, begun: list[int], usual: RealArray) -> tuple[list[int], _Centred]:
         """Return poles with a further one, that with which the shifts of all are likeliest, and modes that shift about these."""
-        tries = [[*begun, k] for k in range(len(self.which)) if k not in begun]
-        found = [self._centred(self.poles[self.which[which]], usual) for which in tries]
-        best = min(range(len(tries)), key=lambda k: found[k].cost)
-        return tries[best], found[best]
+        tries = ([*begun, k] for k in range(len(self.which)) if k not in begun)
+        found = ((which, self._centred(self.poles[self.which[which]], usual)) for which in tries)
+        return min(found, key=lambda each: each[1].cost)
 
     def _centred(self, start: ComplexArray, usual: RealArray) -> _Centred:
         """Return modes that shift about poles c (m,): shifts are as likely as normal ones.
@@ -446,9 +443,8 @@ class _Cluster:
                     break
             elif (damping := damping * 10) > _MAX_DAMPING_OF_STEPS:
                 break
-        misfit, poles = float(at.left.sum() / self.factor), np.broadcast_to(c + a + b, (m, q, p))
-        fit = _Fit(misfit, np.array(poles), at.residues.T.reshape(m, q, p))
-        return _Centred(c[:, 0, 0], fit, cost)
+        misfit, poles = float(at.left.sum() / self.factor), np.array(np.broadcast_to(c + a + b, (m, q, p)))
+        return _Centred(c[:, 0, 0], _Fit(misfit, poles, at.residues.T.reshape(m, q, p)), cost)
 
     def _cost(self, at: _Point, a: ComplexArray, b: ComplexArray, precision: RealArray) -> float:
         size = np.sum(np.abs(a) ** 2, axis=(1, 2)) + np.sum(np.abs(b) ** 2, axis=(1, 2))
@@ -474,16 +470,6 @@ class _Cluster:
         by_row, found = _eliminated(rows, across, right, S, target)
         centre, *columns = _complex(found)
         return centre[:, None, None], _complex(by_row).T[:, :, None], np.array(columns).T[:, None, :]
-
-    def _shifting(self, starts: dict[str, ComplexArray], *, steps: int = _STEPS, both: bool = True) -> _Fit:
-        """Return the likeliest of modes that shift by row, by column, and by both, from the better of these and from its means."""
-        q, p = self.channels
-        ways = [way for way, count in zip(_WAYS, (q, p), strict=True) if count > 1]
-        found = [self.fitted(starts[way], way, steps=steps) for way in ways]
-        best = min(found, key=lambda fit: fit.misfit)
-        if both and len(ways) == 2:
-            found += [self.fitted(start, "both", steps=steps) for start in (best.poles, best.means[:, None, None])]
-        return min(found, key=lambda fit: fit.misfit)
 
     def fitted(self, start: ComplexArray, way: str = "", *, steps: int = _STEPS) -> _Fit:
         """Return modes fitted from poles on, (m, 1 or q, 1 or p): `way`: what their shifts are free in, "row", "column" or "both".

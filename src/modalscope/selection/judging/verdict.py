@@ -349,11 +349,9 @@ def _mode(
 
 def _may_stand_outside(trial: SelectionResult, j: int) -> bool:
     """Return whether a pole may stand for modes outside the band: in white errors those do whose bandwidth reaches an end of it."""
-    if trial.selection.coloured:
-        return True
-    s, (low, high) = trial.contest.poles[j], trial.selection.band
-    f, half = s.imag / (2 * np.pi), -s.real / (2 * np.pi)
-    return bool(min(f - low, high - f) < _REACH_OF_OUTSIDE * half)
+    f, zeta = frequencies_and_damping(trial.contest.poles[j])
+    low, high = trial.selection.band
+    return bool(trial.selection.coloured or min(f - low, high - f) < _REACH_OF_OUTSIDE * zeta * f)
 
 
 def _at_peak(trial: SelectionResult, j: int, best: Candidate, fit: float) -> Candidate | None:
@@ -459,7 +457,8 @@ _TIE = 1e-6
 #: MAC above which a single pole shows a mode of its frequency: nearer to it than to a right angle.
 _SHOWN_MAC = 0.5
 
-#: Residuals below this part of the data are no noise of a measurement: a converter of 20 bits rounds to as much.
+#: Residuals below this part of the data are no noise of a measurement: a converter of 20 bits rounds to as much. Such data were computed,
+#: and poles are as good as rounding lets them.
 _MAX_COMPUTED = 1e-6
 
 #: Above this ratio of noise to data, fast least squares (without orthogonalization) are accurate enough.
@@ -495,7 +494,7 @@ def contest(diagram: StabilizationDiagram, poles: Poles, others: Sequence[Poles]
         return select_jointly(selection, start.pole - added, sides, doubted=doubted)
 
     held, floor = beside(), floor_of(response, rich - added)
-    if not floor.colour.coloured or _computed(floor):
+    if not floor.colour.coloured or floor.share < _MAX_COMPUTED**2:
         floor = floor.judged()
         selection = _problem_of(response, floor, held)
         return Contest(selection, outcome(selection, False))
@@ -513,8 +512,7 @@ def contest(diagram: StabilizationDiagram, poles: Poles, others: Sequence[Poles]
         floor = floor.of_products()
         selection = replace(_problem_of(response, by_line(floor, response.count), held), brief=True, coloured=True)
         # errors of half spectra do not follow a + b |H|^2: there orders have to show a mode
-        selection = replace(selection, recounted=not response.of_correlations)
-        selection = replace(selection, whole=_whole(selection, floor))
+        selection = replace(selection, recounted=not response.of_correlations, whole=_whole(selection, floor))
         found = outcome(selection, False)
     return Contest(selection, found)
 
@@ -576,11 +574,6 @@ def _problem_of(response: Response, floor: Floor, steady: ComplexArray) -> Selec
     return SelectionProblem(
         problem, floor.variance, bar, response.span, correlation=floor.correlation, window=floor.window
     )
-
-
-def _computed(floor: Floor) -> bool:
-    """Return whether the residual is less than any measurement leaves: data were computed, and poles are as good as rounding lets them."""
-    return floor.share < _MAX_COMPUTED**2
 
 
 def _whole(selection: SelectionProblem, floor: Floor) -> RealArray:
