@@ -29,13 +29,6 @@ def runs(tmp_path: Path) -> list[str]:
     return paths
 
 
-@pytest.fixture
-def modes_file(test_file: Path, tmp_path: Path) -> Path:
-    path = tmp_path / "modes.json"
-    assert main(["identify", str(test_file), "--orders", "6:20:2", "-q", "-o", str(path)]) == 0
-    return path
-
-
 @pytest.mark.slow
 def test_runs_of_one_test_are_identified_together_and_repeated_by_the_document(
     runs: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -63,7 +56,7 @@ def test_a_run_that_has_changed_is_refused_when_the_document_is_replayed(runs: l
 
 def test_json_alone_is_on_stdout_where_that_is_asked(test_file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     capsys.readouterr()
-    assert main(["identify", str(test_file), "--orders", "6:20:2", "-o", "-"]) == 0
+    assert main(["identify", str(test_file), "--orders", "10:14:2", "--no-refine", "-o", "-"]) == 0
     out, err = capsys.readouterr()
     assert len(json.loads(out)["modes"]) == 5
     assert "damping [%]" in err
@@ -105,7 +98,8 @@ def test_each_file_is_a_test_of_its_own_and_modes_stand_beside_those_of_the_firs
     words = [
         "identify",
         "--orders",
-        "8:24:2",
+        "10:14:2",
+        "--no-refine",
         "-o",
         str(tmp_path / "m.json"),
         "--each",
