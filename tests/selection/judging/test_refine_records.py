@@ -9,6 +9,7 @@ import pytest
 from scipy.signal import lfilter
 
 import modalscope as ms
+from benchmarks.records.shaker import shaker
 from modalscope.data.mode_fields import joined
 from modalscope.data.record_transform import record_spectra
 from modalscope.data.records import Records, as_records
@@ -18,7 +19,6 @@ from modalscope.selection.likelihood.descent import Astray
 from modalscope.selection.likelihood.driven import whitened_records
 from modalscope.selection.likelihood.information import normal
 from tests.selection.judging.driven_bound import record_bound
-from tests.shaker import shaker
 from tests.support import match_poles, random_system, refused
 
 

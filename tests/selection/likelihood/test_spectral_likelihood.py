@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
+from benchmarks.records.towers import tower
 from modalscope.numerics.functions.poles import poles_from
 from modalscope.selection.likelihood.ambient import (
     Driven,
@@ -24,7 +25,6 @@ from modalscope.selection.likelihood.ambient import (
 )
 from modalscope.selection.likelihood.refine_setups import refine_setups
 from tests.selection.likelihood.interval_cases import ambient
-from tests.towers import tower
 
 BUILT = tower(1, setups=4, minutes=20)
 POLES = BUILT.modes.poles
