@@ -106,7 +106,7 @@ def test_runs_are_the_groups_that_tell_how_far_the_test_repeats():
     refused("8 labels, one per run", ms.refine, records, begun, groups=["a", "b"])
 
 
-@pytest.mark.parametrize("lengths", [[500], [300, 250]])
+@pytest.mark.parametrize("lengths", [[900], [500, 350]])
 def test_a_mode_that_is_missed_is_found_in_what_the_others_leave(lengths):
     records = runs_of(system(4, 2), lengths, noise=0.02)
     modes = ms.identify(records, route="records", order=6).modes
