@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 import modalscope as ms
+from benchmarks.records.shaker import Shaker, forces_of, shaker
 from modalscope.data.record_residual import UNMEASURED, excess
 from modalscope.data.record_transform import record_spectra
 from modalscope.data.records import Records, as_records
 from modalscope.identification.routes import usual_route
 from modalscope.numerics.functions.poles import poles_from
-from tests.shaker import Shaker, forces_of, shaker
 from tests.studies import Study
 
 

@@ -6,12 +6,14 @@ Kinds: error (the parts of a DataError), note, finding, help (of commands and op
 from __future__ import annotations
 
 import ast
+import re
 import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 from tests.support import ROOT
+from tools.house import parsed
 
 SOURCE = ROOT / "src" / "modalscope"
 
@@ -30,6 +32,12 @@ _LABELLING = {
 }
 _LABELS = {"title", "xlabel", "ylabel", "label", "caption"}
 
+
+#: Packages in which any call may hold a text.
+_SHOWN = ("plot", "web", "reporting")
+
+#: Functions that make an error.
+_MAKING = re.compile(r"def (\w+)\((?:[^()]|\([^()]*\))*\) -> DataError:")
 
 Names = dict[str, list[ast.AST]]
 
@@ -88,23 +96,30 @@ def _read(call: ast.Call, package: str, errors: set[str]) -> Iterator[tuple[str,
         yield from (("note", value) for value in (*call.args[2:], *filter(None, [keywords.get("text")])))
     elif package == "cli" and (name == "add" or isinstance(call.func, ast.Call)) and len(call.args) == 2:
         yield "help", call.args[1]  # of an option, beside its usage
-    elif package in ("plot", "web", "reporting"):
+    elif package in _SHOWN:
         read = call.args[1:] if name == "Section" else call.args if name in _LABELLING else []
         yield from (("label", value) for value in (*read, *(v for k, v in keywords.items() if k in _LABELS)))
 
 
 def collect(files: Iterable[Path] | None = None) -> list[Text]:
     """Return all texts, by kind and place."""
-    trees = {path: ast.parse(path.read_text(encoding="utf-8")) for path in files or sorted(SOURCE.rglob("*.py"))}
-    parts = {path: [(unit, list(ast.walk(unit))) for unit in _units(tree)] for path, tree in trees.items()}
-    functions = [n for of_one in parts.values() for _, nodes in of_one for n in nodes if isinstance(n, ast.FunctionDef)]
-    errors = {"DataError", *(f.name for f in functions if f.returns and ast.unparse(f.returns) == "DataError")}
+    written = {path: path.read_text(encoding="utf-8") for path in files or sorted(SOURCE.rglob("*.py"))}
+    errors = {"DataError", *(name for text in written.values() for name in _MAKING.findall(text))}
+    calls = re.compile(rf"\b(?:{'|'.join(sorted(errors))}|Note)\(")
     listed: list[Text] = []
     texts: set[tuple[str, str]] = set()
-    for path, tree in trees.items():
+    for path, text in written.items():
         place, package = path.relative_to(SOURCE).as_posix(), path.parent.name
-        constants = _assigned([unit for unit, _ in parts[path]])
-        for _, nodes in parts[path]:
+        if package not in (*_SHOWN, "cli", "doctor") and not calls.search(text):
+            continue
+        tree, lines = parsed(text), text.splitlines()
+        units = _units(tree)
+        constants = _assigned(units)
+        for unit in units:
+            own = "\n".join(lines[unit.lineno - 1 : unit.end_lineno])
+            if package not in (*_SHOWN, "cli") and not calls.search(own):
+                continue
+            nodes = list(ast.walk(unit))
             names = constants | _assigned(nodes)
             for call in (node for node in nodes if isinstance(node, ast.Call)):
                 for kind, value in _read(call, package, errors):
@@ -112,9 +127,7 @@ def collect(files: Iterable[Path] | None = None) -> list[Text]:
         if place == "signals/doctor/findings.py":
             cells = (node for node in ast.walk(constants["ROWS"][0]) if isinstance(node, ast.Tuple))
             texts |= {("finding", words) for row in cells for cell in row.elts for words in _resolved(cell, constants)}
-        if package == "cli" and any(
-            isinstance(unit, ast.FunctionDef) and unit.name == "add" for unit, _ in parts[path]
-        ):
+        if package == "cli" and any(isinstance(unit, ast.FunctionDef) and unit.name == "add" for unit in units):
             texts.add(("help", ast.get_docstring(tree) or ""))
         listed += [Text(place, kind, words) for kind, words in texts if words.strip()]
         texts.clear()

@@ -10,7 +10,7 @@ A shaker test
 import modalscope as ms
 
 structure = ms.systems.chain5()
-record = structure.simulate(duration=100.0, noise=0.02, seed=1)
+record = structure.simulate(duration=60.0, noise=0.02, seed=1)
 print(record)
 
 # %%

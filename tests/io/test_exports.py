@@ -60,34 +60,22 @@ def test_an_option_that_leads_nowhere_is_found(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.skipif(not (DATA / "standins").is_dir(), reason="the stand-ins are not there")
-def test_every_option_that_info_prints_is_obeyed_word_for_word(capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize(
+    ("command", "options", "several"),
+    [("info", [], set()), ("identify", ["--orders", "2:20:6", "--no-refine"], {("--all",), ("--each",)})],
+)
+def test_every_option_that_is_printed_is_obeyed_word_for_word(
+    command: str, options: list[str], several: set[tuple[str, ...]], capsys: pytest.CaptureFixture[str]
+) -> None:
     """Of all files of a stand-in together, in the command line; a rate that a person fills in is filled in."""
     failed, count = [], 0
     for truth in sorted((DATA / "standins").glob("*/truth.json")):
         files = [str(truth.parent / name) for name in json.loads(truth.read_text())["files"]]
-        capsys.readouterr()
-        main(["info", *files])
-        said = "".join(capsys.readouterr())
-        for way in {tuple(way) for line in said.splitlines() for way in suggestions(line)}:
-            count += 1
-            if main(["info", *files, *("1000" if word == "HZ" else word for word in way)]):
-                failed.append((truth.parent.name, way))
-    assert count > 25
-    assert not failed
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(not (DATA / "standins").is_dir(), reason="the stand-ins are not there")
-def test_every_option_that_identify_prints_is_obeyed_word_for_word(capsys: pytest.CaptureFixture[str]) -> None:
-    """Of all files of a stand-in together, at four orders."""
-    failed, count = [], 0
-    for truth in sorted((DATA / "standins").glob("*/truth.json")):
-        files = [str(truth.parent / name) for name in json.loads(truth.read_text())["files"]]
-        plain = ["identify", *files, "--orders", "2:20:6", "--no-refine"]
+        plain = [command, *files, *options]
         capsys.readouterr()
         main(plain)
         said = "".join(capsys.readouterr())
-        for way in {tuple(way) for line in said.splitlines() for way in suggestions(line)} - {("--all",), ("--each",)}:
+        for way in {tuple(way) for line in said.splitlines() for way in suggestions(line)} - several:
             count += 1
             if main([*plain, *("1000" if word == "HZ" else word for word in way)]):
                 failed.append((truth.parent.name, way))

@@ -45,7 +45,7 @@ def test_all_orders_come_from_one_factorization_and_the_modes_are_selected():
 
 
 def test_the_state_space_model_predicts_and_simulates():
-    data, fresh = record(MODEL, 4000, 1, noise=0.1), record(MODEL, 1000, 2)
+    data, fresh = record(MODEL, 2000, 1, noise=0.1), record(MODEL, 1000, 2)
     model = ms.realize(data, method="n4sid", order=6)
     assert relative(model.simulate(fresh.inputs), fresh.outputs) < 0.02
     # white noise on the outputs is new in every sample: its share of a one-step prediction is all there is

@@ -76,9 +76,9 @@ def test_what_a_file_and_its_data_say_has_the_words_of_who_reads_it(
 
 def test_a_report_has_the_words_of_who_writes_it(tmp_path: Path) -> None:
     path, page = tmp_path / "a.npz", tmp_path / "a.html"
-    lines = chain5().frequency_response(np.linspace(0.05, 4.0, 400), noise=0.01, seed=1)
+    lines = chain5().frequency_response(np.linspace(0.05, 4.0, 200), noise=0.01, seed=1)
     ms.write(path, lines.select(outputs=lines.output_dofs[:1]))
-    ms.report(ms.analyze(path, orders=range(4, 15, 2)), page)
+    ms.report(ms.analyze(path, orders=[6, 8]), page)
     assert "(else: reciprocal=False)" in page.read_text()
-    assert main(["identify", str(path), "--orders", "4:14:2", "-q", "-o", str(page)]) == 0
+    assert main(["identify", str(path), "--orders", "6:8:2", "-q", "-o", str(page)]) == 0
     assert "(else: --no-reciprocal)" in page.read_text()

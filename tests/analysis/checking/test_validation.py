@@ -22,7 +22,7 @@ def modes(own: float = 0.0) -> ms.ModalModel:
 
 
 def lines(seed: int = 0, decibel: float = 40) -> ms.FrequencyResponse:
-    return add_noise(modes().frequency_response(np.linspace(0.3, 8, 340)), decibel, seed)
+    return add_noise(modes().frequency_response(np.linspace(0.3, 8, 170)), decibel, seed)
 
 
 @pytest.mark.parametrize("leaving", ["inputs", "outputs"])
@@ -39,11 +39,11 @@ def test_true_modes_explain_what_they_were_not_fitted_to_up_to_the_noise(leaving
 
 def test_the_deviation_by_leaving_out_is_that_of_the_refinement() -> None:
     ratios = []
-    for seed in range(6):
+    for seed in range(5):
         data = lines(seed)
         seen, found = ms.validate(data, modes(), leaving="outputs"), ms.refine(data, modes())
         ratios += [getattr(seen, name) / getattr(found, name) for name in ("frequencies_std", "damping_ratios_std")]
-    # five parts a set know a deviation to a third, thirty sets of two values to 6 %; shapes that are small in four outputs cost more
+    # five parts a set know a deviation to a third, 25 sets of two values to 7 %; shapes that are small in four outputs cost more
     assert 0.75 < np.median(ratios) < 1.4
 
 
@@ -51,7 +51,7 @@ def test_what_one_input_alone_shows_is_explained_worse_where_that_is_left_out() 
     """A pole that lies elsewhere for one input: a roving mass. The others do not know it."""
     truth = modes()
     shifted = ms.ModalModel(poles=POLES * 1.01, shapes=truth.shapes, participation=truth.participation)
-    f = np.linspace(0.3, 8, 340)
+    f = np.linspace(0.3, 8, 170)
     values = np.array(truth.frequency_response(f).values)
     values[:, :, 0] = shifted.frequency_response(f).values[:, :, 0]
     data = add_noise(ms.FrequencyResponse(values=values, frequencies=f), 40, 0)

@@ -31,15 +31,15 @@ NOISE = 0.01
 #: Identities hold to 100 eps sigma_1 / sigma_n; at 40 dB the last kept singular value is at most 1e4 times smaller.
 IDENTITY = 1e-9
 
-ORDERS, FEW = range(2, 25, 2), range(4, 15, 2)
+ORDERS, FEW = range(4, 21, 2), range(4, 15, 2)
 
 
 def chain(seed: int = 0, **changes: object) -> ImpulseResponse:
-    return systems.chain5().impulse_response(400, noise=NOISE, seed=seed, **changes)  # type: ignore[arg-type]
+    return systems.chain5().impulse_response(300, noise=NOISE, seed=seed, **changes)  # type: ignore[arg-type]
 
 
 def chain_lines(seed: int = 0) -> FrequencyResponse:
-    lines = np.arange(30, 751) * 0.01  # multiples of their spacing, so that the time rows can take them
+    lines = np.arange(15, 376) * 0.02  # multiples of their spacing, so that the time rows can take them
     return systems.chain5().frequency_response(lines, quantity="acceleration", noise=NOISE, seed=seed)
 
 
@@ -55,7 +55,7 @@ def clean() -> Comparison:
 
 @pytest.fixture(scope="module")
 def lines() -> Comparison:
-    return compare(chain_lines(), ["era", "least_squares", "alternate/s", "lscf"], orders=range(2, 31, 2), workers=1)
+    return compare(chain_lines(), ["era", "least_squares", "alternate/s", "lscf"], orders=ORDERS, workers=1)
 
 
 @pytest.mark.slow
@@ -177,8 +177,8 @@ def test_a_biased_method_is_named_as_the_witness_of_its_bias(lines: Comparison) 
 
 
 def test_a_certificate_is_made_when_asked_and_what_it_refutes_is_not_trusted() -> None:
-    loud = systems.chain5().impulse_response(400, noise=0.1, seed=0)
-    c = compare(loud, ["era/time", "alternate/time"], orders=ORDERS, workers=1, replicates=10)
+    loud = systems.chain5().impulse_response(300, noise=0.1, seed=0)
+    c = compare(loud, ["era/time", "alternate/time"], orders=FEW, workers=1, replicates=6)
     assert c.certified is not None
     index = {g.members[c.certified.method]: k for k, g in enumerate(c.groups) if c.certified.method in g.members}
     assert not c.certified.certificate.holds.all()
@@ -217,7 +217,7 @@ def test_progress_counts_to_the_end_whatever_fails() -> None:
 
 
 def test_the_same_whatever_the_number_of_workers() -> None:
-    one, two = (compare(chain(), ["era", "alternate"], orders=ORDERS, workers=n) for n in (1, 2))
+    one, two = (compare(chain(), ["era/time", "alternate"], orders=FEW, workers=n) for n in (1, 2))
     assert np.array_equal(one.modes.poles, two.modes.poles)
     assert one.verdict == two.verdict
 
@@ -282,7 +282,7 @@ def test_subspaces_of_the_same_modes_make_no_angle_whatever_their_scaling() -> N
 
 def test_modes_are_paired_by_shape_where_frequencies_cannot_tell() -> None:
     response = systems.close4().impulse_response(400, noise=NOISE, seed=3)
-    c = compare(response, ["era/time", "alternate/time", "prce/time"], orders=ORDERS, workers=1)
+    c = compare(response, ["era/time", "prce/time"], orders=range(8, 17, 2), workers=1)
     assert len(c.modes) == 4
     for g in c.groups:
         assert min(g.mac.values()) > 0.95  # shapes of a pair are orthogonal: a wrong pairing would give 0
@@ -344,7 +344,7 @@ def test_every_cause_has_a_remedy() -> None:
 
 @pytest.mark.slow
 def test_all_sets_shows_rows_without_a_vote_which_decide_nothing_and_results_come_one_by_one() -> None:
-    response = systems.chain5().frequency_response(np.linspace(0.1, 9, 200), noise=0.01, seed=0)
+    response = systems.chain5().frequency_response(np.linspace(0.1, 9, 120), noise=0.01, seed=0)
     orders, came = range(4, 17, 6), []
     usual = compare(response, orders=orders)
     every = compare(response, orders=orders, all_sets=True, partial=came.append)

@@ -15,6 +15,7 @@ from tests.selection.judging.hard import frequency_response, impulse_response, r
 from tests.support import BEAM
 
 BAND = (100.0, 1200.0)
+ORDERS = range(8, 21, 4)
 
 
 @pytest.fixture(scope="module")
@@ -82,31 +83,31 @@ def test_a_path_is_read_as_the_options_say(tmp_path: Path, lines: FrequencyRespo
 
 @pytest.mark.slow
 def test_modes_are_taken_and_refused_by_hand(samples: ImpulseResponse) -> None:
-    whole = ms.analyze(samples).modes
-    less = ms.analyze(samples, refuse=[whole.frequencies[1]]).modes
+    whole = ms.analyze(samples, orders=ORDERS).modes
+    less = ms.analyze(samples, orders=ORDERS, refuse=[whole.frequencies[1]]).modes
     assert np.allclose(less.frequencies, np.delete(whole.frequencies, 1))
-    again = ms.analyze(samples, refuse=whole.frequencies[:2], take=[whole.frequencies[0]]).modes
+    again = ms.analyze(samples, orders=ORDERS, refuse=whole.frequencies[:2], take=[whole.frequencies[0]]).modes
     assert np.allclose(again.frequencies, np.delete(whole.frequencies, 1))
-    one = ms.analyze(samples, frequencies=[whole.frequencies[2]]).modes
+    one = ms.analyze(samples, orders=ORDERS, frequencies=[whole.frequencies[2]]).modes
     assert np.allclose(one.frequencies, whole.frequencies[2])
     with pytest.raises(ms.DataError, match=r"a mode at 9\.5 Hz"):
-        ms.analyze(samples, refuse=[9.5])
+        ms.analyze(samples, orders=ORDERS, refuse=[9.5])
     with pytest.raises(ms.DataError, match="frequencies already states the whole list"):
-        ms.analyze(samples, frequencies=[0.9], take=[2.6])
+        ms.analyze(samples, orders=ORDERS, frequencies=[0.9], take=[2.6])
 
 
 @pytest.mark.slow
 def test_several_bands_are_identified_one_by_one(lines: FrequencyResponse) -> None:
-    result = ms.analyze(lines, band=[(0.3, 3.4), (3.4, 8)])
+    result = ms.analyze(lines, band=[(0.3, 3.4), (3.4, 8)], orders=ORDERS)
     assert len(result.diagrams) == len(result.settings) == 2
     assert np.allclose(result.modes.frequencies, ms.systems.chain5().modes().frequencies, rtol=0.01)
     assert result.analysis.bands == ((0.3, 3.4), (3.4, 8.0))
 
 
 def test_little_explained_is_told_loudly(samples: ImpulseResponse) -> None:
-    strong = ms.analyze(samples)
+    strong = ms.analyze(samples, orders=ORDERS)
     assert not [note for note in strong.notes if note.kind == "little explained"]
-    weak = ms.analyze(samples, frequencies=[strong.modes.frequencies[-1]])
+    weak = ms.analyze(samples, orders=ORDERS, frequencies=[strong.modes.frequencies[-1]])
     note = next(note for note in weak.notes if note.kind == "little explained")
     assert note.numbers["share"] < 0.7
     assert "WARNING" in str(note)

@@ -48,7 +48,7 @@ def test_modes_beside_the_ends_are_listed_and_what_is_shown_ends_where_it_was_as
     # modes at 11.06 and 41.43 Hz lie within 3 % of the ends, three more just below the band
     case = part_of_a_band(94008)
     low, high = case.options["band"]
-    found = ms.analyze(case.data, **case.options)
+    found = ms.analyze(case.data, **case.options, orders=range(16, 45, 4))
     f = np.sort(np.abs(case.poles) / (2 * np.pi))
     true = f[(f > low) & (f < high)]
     assert found.modes.frequencies == pytest.approx(true, rel=0.002)
@@ -59,7 +59,7 @@ def test_modes_beside_the_ends_are_listed_and_what_is_shown_ends_where_it_was_as
     (terms,) = found.modes.residual_terms
     assert terms.band == pytest.approx(shown.response.span)
     monkeypatch.setattr(bands, "_BEYOND", 0.0)
-    cut = ms.analyze(case.data, **case.options).modes
+    cut = ms.analyze(case.data, **case.options, orders=range(16, 45, 4)).modes
     # the lines beyond the ends tell most of the modes at them
     assert cut.frequencies_std[0] > 2 * found.modes.frequencies_std[0]
 

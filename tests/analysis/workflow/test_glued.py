@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import modalscope as ms
+from benchmarks.records.towers import tower
 from modalscope.analysis.workflow.setups import glued
 from modalscope.numerics.checks import Array
 from modalscope.selection.judging import evidence
 from modalscope.selection.likelihood.line_shapes import LineShapes
-from tests.towers import tower
 
 #: Two outputs stay, two rove.
 PLACES = [[0, 1, 2 + 2 * j, 3 + 2 * j] for j in range(6)]

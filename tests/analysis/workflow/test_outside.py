@@ -16,7 +16,7 @@ from modalscope.interfaces.cli import main
 from modalscope.io.beside import OPENING, lies_in
 from modalscope.io.formats import FORMATS
 
-LINES = ms.systems.chain5().frequency_response(np.linspace(0.2, 8, 200), quantity="acceleration", noise=0.02, seed=1)
+LINES = ms.systems.chain5().frequency_response(np.linspace(0.2, 8, 120), quantity="acceleration", noise=0.02, seed=1)
 POINTS = "node,x,y,z\n" + "".join(f"{k},{k},0,0\n" for k in range(1, 6))
 
 
@@ -28,7 +28,7 @@ def place(tmp_path: Path) -> Path:
     ms.write(inside / "data.npz", LINES)
     for folder in (inside, tmp_path):
         (folder / "points.csv").write_text(POINTS)
-    ms.write(inside / "x.analysis.json", ms.analyze(inside / "data.npz", orders=range(8, 15, 2)).analysis)
+    ms.write(inside / "x.analysis.json", ms.analyze(inside / "data.npz", orders=[10]).analysis)
     return inside
 
 
@@ -73,7 +73,7 @@ def test_a_geometry_beside_the_document_or_the_data_is_read(place: Path, tmp_pat
 
 def test_data_with_a_geometry_from_outside_are_those_that_were_analysed(place: Path) -> None:
     for outside in (place / "points.csv", place.parent / "points.csv"):
-        result = ms.analyze(place / "data.npz", orders=range(8, 15, 2), reading={"geometry": str(outside)})
+        result = ms.analyze(place / "data.npz", orders=[10], reading={"geometry": str(outside)})
         data = ms.read(place / "data.npz", geometry=outside)
         again = ms.replay(result.analysis, data)
         np.testing.assert_array_equal(again.modes.poles, result.modes.poles)

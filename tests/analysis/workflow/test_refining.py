@@ -17,6 +17,8 @@ from modalscope.selection.likelihood.settling import needed_beside
 from modalscope.systems import chain5
 from tests.support import FIVE, add_noise, match_poles
 
+ORDERS = range(8, 25, 4)
+
 
 def told(modes: ms.ModalModel, kind: str) -> str:
     return " ".join(str(note) for note in modes.notes if note.kind == kind)
@@ -31,7 +33,7 @@ def test_real_poles_take_part_so_that_the_modes_need_not_make_up_for_them(kind):
     )
     truth = structure.modes()
     oscillating = truth.poles[np.array([k == "mode" for k in truth.kinds])]
-    found = ms.analyze(add_noise(clean, 40, 3)).modes
+    found = ms.analyze(add_noise(clean, 40, 3), orders=ORDERS).modes
     assert found.converged
     below = 2 if kind == "lines" else 0  # poles that stand for modes below the band
     assert f"{2 + below} computational poles kept fixed" in told(found, "held")
@@ -52,16 +54,16 @@ def test_no_pole_of_noise_takes_part():
 
 def test_a_mode_that_was_refused_takes_part_all_the_same():
     data = ms.systems.chain5().impulse_response(300, noise=0.01, seed=0)
-    whole = ms.analyze(data).modes
-    less = ms.analyze(data, refuse=[whole.frequencies[1]]).modes
+    whole = ms.analyze(data, orders=ORDERS).modes
+    less = ms.analyze(data, refuse=[whole.frequencies[1]], orders=ORDERS).modes
     # the refused pole is held where the diagram has it, not at its optimum
     assert np.all(np.abs(less.frequencies / np.delete(whole.frequencies, 1) - 1) < 1e-3)
 
 
 def test_correlations_keep_their_values_and_say_why():
     record = ms.systems.chain5().simulate(inputs="ambient", samples=8000, sampling_rate=20.0, seed=0)
-    assert not told(ms.analyze(record).modes, "not refined")  # its lines are there
-    found = ms.analyze(ms.estimate_correlation(record)).modes
+    assert not told(ms.analyze(record, orders=ORDERS).modes, "not refined")  # its lines are there
+    found = ms.analyze(ms.estimate_correlation(record), orders=ORDERS).modes
     assert len(found)
     assert "errors of correlations are correlated" in told(found, "not refined")
     assert (found.unrefined, found.converged) == (None, None)
@@ -69,12 +71,12 @@ def test_correlations_keep_their_values_and_say_why():
 
 def test_samples_in_a_band_keep_their_values_and_say_why():
     data = ms.systems.chain5().impulse_response(300, noise=0.01, seed=0)
-    assert "samples are not filtered" in told(ms.analyze(data, band=(0.5, 4)).modes, "not refined")
+    assert "samples are not filtered" in told(ms.analyze(data, band=(0.5, 4), orders=ORDERS).modes, "not refined")
 
 
 def test_data_that_were_transformed_keep_their_values_and_say_why():
     data = add_noise(ms.systems.chain5().frequency_response(np.linspace(0, 10, 401)), 40)
-    found = ms.analyze(data, method="era", domain="time").modes
+    found = ms.analyze(data, method="era", domain="time", orders=ORDERS).modes
     assert "the data were transformed" in told(found, "not refined")
 
 
@@ -82,7 +84,7 @@ def test_an_optimum_far_away_is_not_reported_as_the_mode(monkeypatch):
     """A list that lacks modes, with nothing beside it: the refined values are another mode's."""
     data = add_noise(FIVE["over4"]().frequency_response(np.linspace(0.3, 8, 340)), 40, 5)
     monkeypatch.setattr("modalscope.selection.judging.outcome.needed_beside", lambda *_: np.zeros(0, complex))
-    found = ms.analyze(data).modes
+    found = ms.analyze(data, orders=ORDERS).modes
     assert "the optimum is far from" in told(found, "not refined")
     assert found.unrefined is None
 
@@ -120,9 +122,9 @@ def _wandering(mode: int):
 
 def test_a_mode_that_leaves_its_place_leaves_the_others_refined(monkeypatch):
     data = add_noise(ms.systems.chain5().frequency_response(np.linspace(0.3, 8, 340)), 40, 3)
-    whole = ms.analyze(data).modes
+    whole = ms.analyze(data, orders=ORDERS).modes
     monkeypatch.setattr(refining, "refinement", _wandering(4))
-    found = ms.analyze(data).modes
+    found = ms.analyze(data, orders=ORDERS).modes
     assert f"Not refined: {found.frequencies[4]:.5g} Hz" in told(found, "not refined")
     assert found.converged
     assert np.allclose(found.frequencies[:4], whole.frequencies[:4], rtol=1e-4)
@@ -135,7 +137,7 @@ def test_where_no_mode_left_its_place_a_descent_that_did_not_end_refines_none(mo
     data = add_noise(ms.systems.chain5().frequency_response(np.linspace(0.3, 8, 340)), 40, 3)
 
     monkeypatch.setattr(refining, "refinement", lambda *given, **options: _ended_early(refinement(*given, **options)))
-    found = ms.analyze(data).modes
+    found = ms.analyze(data, orders=ORDERS).modes
     assert "60 iterations were not enough" in told(found, "not refined")
     assert found.converged is False
     assert {grade.word for grade in grades(found)} == {"look"}

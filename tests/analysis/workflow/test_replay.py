@@ -18,10 +18,10 @@ from modalscope.interfaces.reporting.record import identification_script, result
 
 RNG = np.random.default_rng(1)
 CHAIN = ms.systems.chain5()
-SAMPLES = CHAIN.impulse_response(300, noise=0.02, seed=0)
-LINES = ms.systems.add_noise(CHAIN.frequency_response(np.linspace(0.3, 8, 160), quantity="displacement"), 0.02, 0)
+SAMPLES = CHAIN.impulse_response(200, noise=0.02, seed=0)
+LINES = ms.systems.add_noise(CHAIN.frequency_response(np.linspace(0.3, 8, 120), quantity="displacement"), 0.02, 0)
 AMBIENT = CHAIN.simulate(inputs="ambient", samples=4000, sampling_rate=20.0, noise=0.02, seed=0)
-DRIVEN = CHAIN.simulate(samples=1500, sampling_rate=20.0, noise=0.02, seed=0)
+DRIVEN = CHAIN.simulate(samples=1000, sampling_rate=20.0, noise=0.02, seed=0)
 
 #: Data and choices: every row of the table, records, bands, channels left out, initial values, arrays among the options.
 CASES: dict[str, tuple[Any, dict[str, Any]]] = {
@@ -34,16 +34,16 @@ CASES: dict[str, tuple[Any, dict[str, Any]]] = {
             else LINES
             if m.domain == "s"
             else SAMPLES,
-            {"method": m.name, "domain": m.domain, "orders": range(4, 25, 2 if m.name == "wnsf" else 4)},
+            {"method": m.name, "domain": m.domain, "orders": range(4, 21, 2) if m.name == "wnsf" else range(4, 25, 4)},
         )
         for m in ms.methods()
     },
-    "ambient in a band": (AMBIENT, {"band": (0.4, 7.0)}),
-    "driven records": (DRIVEN, {}),
-    "a channel left out": (LINES, {"exclude": [LINES.output_dofs[1]], "band": (0.5, 7)}),
+    "ambient in a band": (AMBIENT, {"band": (0.4, 7.0), "orders": range(8, 25, 4)}),
+    "driven records": (DRIVEN, {"orders": range(8, 21, 4)}),
+    "a channel left out": (LINES, {"exclude": [LINES.output_dofs[1]], "band": (0.5, 7), "orders": range(4, 21, 4)}),
     "structure at rest": (LINES, {"method": "era", "domain": "s", "initial_values": "rest"}),
     "known initial terms": (LINES, {"method": "era", "domain": "s", "initial_values": np.zeros((1, 4, 2))}),
-    "weights of the lines": (LINES, {"weights": 1 / (1 + np.arange(160.0) / 7)}),
+    "weights of the lines": (LINES, {"weights": 1 / (1 + np.arange(120.0) / 7), "orders": range(4, 21, 4)}),
     "uneven shifts": (
         SAMPLES,
         {"method": "era", "row_shifts": [0, 1, 3, 4, 6, 9, 10, 12, 15, 20], "block_columns": 60},
@@ -120,7 +120,7 @@ def test_resolved_settings_repeat_what_the_choices_gave(case: str, stored: Calla
 
 
 def test_data_without_a_file_are_known_by_their_numbers() -> None:
-    result = ms.analyze(SAMPLES)
+    result = ms.analyze(SAMPLES, orders=[10, 12])
     equal(ms.replay(result.analysis, SAMPLES).modes, result.modes)
     other = replace(SAMPLES, values=SAMPLES.values * 1.5)
     with pytest.raises(ms.DataError, match="these are others"):
@@ -132,7 +132,7 @@ def test_data_without_a_file_are_known_by_their_numbers() -> None:
 
 def test_a_file_that_has_changed_is_refused(stored: Callable[[Any], Path]) -> None:
     file = stored(SAMPLES)
-    result = ms.analyze(file)
+    result = ms.analyze(file, orders=[10, 12])
     thing = ms.read(file)
     equal(ms.replay(result.analysis, thing).modes, result.modes)
     ms.write(file, replace(SAMPLES, values=SAMPLES.values * 1.5))
@@ -176,7 +176,7 @@ def test_data_of_several_files_are_those_of_the_document_while_the_files_are(tmp
 def test_a_document_of_0_2_0_is_repeated_by_later_rules_and_what_differs_is_listed(tmp_path: Path) -> None:
     data = tmp_path / "data.npz"
     ms.write(data, SAMPLES)
-    result = ms.analyze(data)
+    result = ms.analyze(data, orders=[10, 12])
     path = tmp_path / "result.json"
     ms.write(path, result.modes, result=result)
     stored = json.loads(path.read_text())
@@ -204,12 +204,11 @@ def test_a_document_of_0_2_0_is_repeated_by_later_rules_and_what_differs_is_list
 @pytest.mark.slow
 def test_a_measured_test_is_its_name_its_file_and_its_data(tmp_path: Path) -> None:
     data = ms.datasets.load("beam_hammer")
-    asked: dict[str, Any] = {"band": (100, 300), "orders": range(4, 9, 2), "refine": False}
+    asked: dict[str, Any] = {"band": (150, 200), "orders": [4, 6], "refine": False}
     of_data, of_name = ms.analyze(data, **asked), ms.analyze("beam_hammer", **asked)
     assert of_name.analysis.files[0].path == "beam_hammer"
-    for first, given in ((of_data, ("beam_hammer", data)), (of_name, (None, data.source_path))):
+    for first, given in ((of_data, "beam_hammer"), (of_name, None), (of_name, data.source_path)):
         ms.write(tmp_path / "modes.json", first)
-        for each in given:
-            equal(ms.replay(tmp_path / "modes.json", each).modes, of_data.modes)
+        equal(ms.replay(tmp_path / "modes.json", given).modes, of_data.modes)
     with pytest.raises(ms.DataError, match="these are others"):
-        ms.replay(of_data.analysis, "palisaden")
+        ms.replay(of_data.analysis, LINES)

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 
 import modalscope as ms
+from benchmarks.records.towers import Tower, tower
 from modalscope.interfaces.cli import main
 from modalscope.signals.preprocess.setups import joined_setups, significant_lags
 from tests.studies import Study
 from tests.support import stored_list
-from tests.towers import Tower, tower
 
 
 def as_files(built: Tower, folder: Path) -> list[str]:

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import modalscope as ms
+from benchmarks.records.shaker import Shaker, shaker
 from modalscope.data.record_transform import record_spectra
 from modalscope.data.records import as_records
 from modalscope.identification.matrices.records import RecordLines, noise_beside_quietest, record_lines
-from tests.shaker import Shaker, shaker
 from tests.support import relative
 
 

@@ -208,7 +208,7 @@ def test_elimination_is_steadier_in_noise_than_periodised_samples() -> None:
                     identify(add_noise(frf, 40, seed), method="era", domain="z", order=10, source=source).modes.poles,
                     s.modes().poles,
                 ).damping_error
-                for seed in range(8)
+                for seed in range(5)
             ]
         )
         for source in ("samples", "elimination")

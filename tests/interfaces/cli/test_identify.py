@@ -21,7 +21,7 @@ from modalscope.systems import chain5
 
 def test_identify_writes_modes_that_read_back_as_they_were_printed(test_file, tmp_path, capsys):
     target = tmp_path / "modes.json"
-    assert main(["identify", str(test_file), "-o", str(target)]) == 0
+    assert main(["identify", str(test_file), "--orders", "6:20:2", "-o", str(target)]) == 0
     out = capsys.readouterr().out
     document = json.loads(target.read_text())
     assert document["method"] == "alternate"

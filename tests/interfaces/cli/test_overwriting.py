@@ -77,7 +77,7 @@ def test_data_are_not_written_over_the_file_that_they_came_from(tmp_path, test_f
     """Whatever was done with them in between, and wherever the program stands by now."""
     monkeypatch.chdir(tmp_path)
     data = ms.read(test_file.name)
-    result = ms.analyze(test_file.name, orders=range(2, 15, 2))
+    result = ms.analyze(test_file.name, orders=[10], refine=False)
     (tmp_path / "deeper").mkdir()
     monkeypatch.chdir(tmp_path / "deeper")
     page = tmp_path / "page.html"

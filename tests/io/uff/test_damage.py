@@ -92,25 +92,17 @@ def refused(path, data, text):
     assert error.value.change
 
 
-def test_a_wrong_endian_flag_is_told(tmp_path):
+@pytest.mark.parametrize(
+    ("right", "wrong", "text"),
+    [
+        (b"    58b     1     2", b"    58b     2     2", r"flagged big-endian(.|\n)*little-endian"),
+        (b"    58b     1     2", b"    58b     1     1", "floating-point format 1"),
+        (b"          11         112", b"          11         111", "counts 111 bytes, and its 7 points need 112"),
+    ],
+)
+def test_a_head_that_is_not_of_its_payload_is_told(tmp_path, right, wrong, text):
     path, data = binary(tmp_path)
-    refused(
-        path, data.replace(b"    58b     1     2", b"    58b     2     2", 1), r"flagged big-endian(.|\n)*little-endian"
-    )
-
-
-def test_foreign_floating_point_formats_are_told(tmp_path):
-    path, data = binary(tmp_path)
-    refused(path, data.replace(b"    58b     1     2", b"    58b     1     1", 1), "floating-point format 1")
-
-
-def test_a_byte_count_that_is_not_the_payload_is_told(tmp_path):
-    path, data = binary(tmp_path)
-    refused(
-        path,
-        data.replace(b"          11         112", b"          11         111", 1),
-        "counts 111 bytes, and its 7 points need 112",
-    )
+    refused(path, data.replace(right, wrong, 1), text)
 
 
 def test_nan_in_a_file_is_told(tmp_path):

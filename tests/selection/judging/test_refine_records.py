@@ -9,6 +9,7 @@ import pytest
 from scipy.signal import lfilter
 
 import modalscope as ms
+from benchmarks.records.shaker import shaker
 from modalscope.data.mode_fields import joined
 from modalscope.data.record_transform import record_spectra
 from modalscope.data.records import Records, as_records
@@ -18,7 +19,6 @@ from modalscope.selection.likelihood.descent import Astray
 from modalscope.selection.likelihood.driven import whitened_records
 from modalscope.selection.likelihood.information import normal
 from tests.selection.judging.driven_bound import record_bound
-from tests.shaker import shaker
 from tests.support import match_poles, random_system, refused
 
 
@@ -93,16 +93,17 @@ def test_a_run_may_have_one_input_alone():
 
 
 def test_runs_are_the_groups_that_tell_how_far_the_test_repeats():
-    records = runs_of(system(3, 1), [500] * 8, noise=0.05)
-    found = ms.refine(records, started(records))
+    records = runs_of(system(3, 1), [300] * 8, noise=0.05)
+    begun = started(records)
+    found = ms.refine(records, begun)
     # equal runs differ by their noise alone: eight of them know a deviation to a quarter, six ratios scatter by two of these and more
     for between, noise in (
         (found.frequencies_repeatability, found.frequencies_std),
         (found.damping_ratios_repeatability, found.damping_ratios_std),
     ):
         assert np.all((between / noise > 0.3) & (between / noise < 2))
-    assert ms.refine(records, started(records), groups=None).frequencies_repeatability is None
-    refused("8 labels, one per run", ms.refine, records, started(records), groups=["a", "b"])
+    assert ms.refine(records, begun, groups=None).frequencies_repeatability is None
+    refused("8 labels, one per run", ms.refine, records, begun, groups=["a", "b"])
 
 
 @pytest.mark.parametrize("lengths", [[900], [500, 350]])

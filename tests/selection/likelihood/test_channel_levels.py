@@ -133,7 +133,7 @@ def test_a_mode_of_quiet_channels_alone_is_found_beside_channels_a_thousand_time
     clean = response(shapes, participation, np.zeros((2, 2))).values
     size = np.sqrt(np.mean(np.abs(clean) ** 2, axis=0))
     assert size[0, 0] > 1000 * size[0, 1]
-    found = ms.analyze(response(shapes, participation, 0.01 * size / np.sqrt(2))).modes
+    found = ms.analyze(response(shapes, participation, 0.01 * size / np.sqrt(2)), orders=range(6, 19, 4)).modes
     assert np.allclose(found.frequencies, np.abs(POLES) / (2 * np.pi), rtol=1e-3)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -38,42 +39,37 @@ def test_moments_hold_the_covariance_of_real_and_imaginary_part():
     np.testing.assert_allclose(found, x.T @ x / 500, atol=1e-12)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize("method", ["era", "alternate", "polyreference", "least_squares"])
-def test_errors_of_impulse_responses_are_as_large_as_their_deviations(method):
-    """40 dB, 30 seeds of ten figures: the mean square of 300 errors over deviations is 1 within 4 x sqrt(2 / 300)."""
-    found = [errors(chain5().impulse_response(400, noise=0.01, seed=k), 10, method=method) for k in range(30)]
-    ratio = np.array([apart / std for apart, std in found])
-    assert np.mean(ratio**2) == pytest.approx(1, abs=4 * np.sqrt(2 / ratio.size))
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("known", [True, False])
-def test_errors_of_frequency_responses_are_as_large_as_their_deviations(known):
-    found = [errors(lines(k, known, every=3), 10, method="alternate") for k in range(15)]
-    ratio = np.array([apart / std for apart, std in found])
-    assert np.mean(ratio**2) == pytest.approx(1, abs=4 * np.sqrt(2 / ratio.size))
+def samples(seed):
+    return chain5().impulse_response(400, noise=0.01, seed=seed)
 
 
 def record(seed, **more):
     return chain5().simulate(at=[0, 3], samples=1000, sampling_rate=20, noise=0.01, seed=seed, **more)
 
 
-@pytest.mark.slow
-@pytest.mark.parametrize(("runs", "method"), [(1, "alternate"), (2, "era")])
-def test_errors_of_records_with_inputs_are_as_large_as_their_deviations(runs, method):
-    row = {"method": method, "domain": "z", "route": "records"}
-    found = [errors(record(k, runs=runs), 10, **row) for k in range(15)]
-    ratio = np.array([apart / std for apart, std in found])
-    assert np.mean(ratio**2) == pytest.approx(1, abs=4 * np.sqrt(2 / ratio.size))
+OF_RECORDS = {"domain": "z", "route": "records"}
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("on_lines", [False, True])
-def test_under_an_exponential_window_errors_are_as_large_as_their_deviations(on_lines):
-    """The window makes noise fade with the signal: taken as white, it is told to be 1.5 (samples) to 3 times (lines) too small."""
-    domain = "z" if on_lines else "time"
-    found = [errors(windowed(k, on_lines), 10, method="era", domain=domain) for k in range(15)]
+@pytest.mark.parametrize(
+    ("made", "seeds", "row"),
+    [
+        *((samples, 30, {"method": method}) for method in ("era", "alternate", "polyreference", "least_squares")),
+        *((partial(lines, known=known, every=3), 15, {"method": "alternate"}) for known in (True, False)),
+        (partial(record, runs=1), 15, {"method": "alternate", **OF_RECORDS}),
+        (partial(record, runs=2), 15, {"method": "era", **OF_RECORDS}),
+        *(
+            (partial(windowed, on_lines=z), 15, {"method": "era", "domain": "z" if z else "time"})
+            for z in (False, True)
+        ),
+    ],
+)
+def test_errors_are_as_large_as_their_deviations(made, seeds, row):
+    """40 dB, ten figures a seed: the mean square of 300 errors over deviations is 1 within 4 x sqrt(2 / 300).
+
+    A window makes noise fade with the signal: taken as white, it is told to be 1.5 (samples) to 3 times (lines) too small.
+    """
+    found = [errors(made(k), 10, **row) for k in range(seeds)]
     ratio = np.array([apart / std for apart, std in found])
     assert np.mean(ratio**2) == pytest.approx(1, abs=4 * np.sqrt(2 / ratio.size))
 

@@ -235,15 +235,18 @@ def test_moments_of_lines_are_those_of_every_value(method, by_line):
     assert relative(moments.square, square) < 1e-11
 
 
-@pytest.mark.parametrize("method", ["era", "prce"])
-def test_moments_of_samples_are_those_of_every_value(method):
+@pytest.mark.parametrize(
+    ("method", "fading"), [("era", None), ("prce", None), ("era", np.linspace(2, 0, 50))], ids=["era", "prce", "fades"]
+)
+def test_moments_of_samples_are_those_of_every_value(method, fading):
     data = samples(count=50)
     pipeline = built(data, 10, method=method)
     cut = cut_order(pipeline, 10)
     found = influence_on(pipeline.matrix, pipeline.realization, cut.order, cut.triple, cut.modal.eigen)
     variance = np.random.default_rng(0).uniform(1, 2, data.values.shape[1:])
-    size, square = plain_moments(found, data.values.shape, variance, 1)
-    moments = found.joint(found, variance)
+    of_all = variance if fading is None else variance * fading[:, None, None]
+    size, square = plain_moments(found, data.values.shape, of_all, 1)
+    moments = found.joint(found, variance, *([] if fading is None else [fading]))
     assert relative(moments.size, size) < 1e-12
     assert relative(moments.square, square) < 1e-11
 
@@ -264,17 +267,5 @@ def test_moments_of_lines_that_correlate_are_those_of_the_parts_of_their_covaria
         changes[:, :, o, i] = np.concatenate([parts.T, 1j * parts.T])
         moved = found.of(changes)
         size, square = size + np.sum(np.abs(moved) ** 2, axis=0), square + np.sum(moved**2, axis=0)
-    assert relative(moments.size, size) < 1e-12
-    assert relative(moments.square, square) < 1e-11
-
-
-def test_moments_of_samples_that_fade_are_those_of_every_value():
-    data = samples(count=50)
-    pipeline = built(data, 10, method="era")
-    cut = cut_order(pipeline, 10)
-    found = influence_on(pipeline.matrix, pipeline.realization, cut.order, cut.triple, cut.modal.eigen)
-    variance, fading = np.random.default_rng(0).uniform(1, 2, data.values.shape[1:]), np.linspace(2, 0, 50)
-    size, square = plain_moments(found, data.values.shape, variance * fading[:, None, None], 1)
-    moments = found.joint(found, variance, fading)
     assert relative(moments.size, size) < 1e-12
     assert relative(moments.square, square) < 1e-11

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import modalscope as ms
+from benchmarks.records.shaker import Shaker, shaker
 from modalscope import DataError
 from modalscope.analysis.comparing.routes import responses_by_route
 from modalscope.data.records import Records
@@ -17,7 +18,6 @@ from modalscope.interfaces.cli.reading import parse_delays
 from modalscope.signals.doctor import examine
 from modalscope.signals.doctor.delays import common_delays
 from modalscope.signals.preprocess.ambient_records import DELAYS, aligned
-from tests.shaker import Shaker, shaker
 
 LATE = {"y2": 20}
 

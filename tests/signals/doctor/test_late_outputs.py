@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import modalscope as ms
+from benchmarks.records.shaker import shaker
 from modalscope.signals.doctor import examine
 from modalscope.signals.doctor.delays import delayed, late
-from tests.shaker import shaker
 
 
 def shifted(samples: int, channels: slice) -> ms.Signals:

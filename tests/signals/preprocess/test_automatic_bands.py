@@ -99,7 +99,9 @@ def test_a_record_with_peaks_above_that_end_alone_has_no_band() -> None:
 
 
 def test_an_analysis_ends_where_aliases_begin_unless_it_is_asked() -> None:
-    found = ms.analyze(tones(44.0))
+    found = ms.analyze(tones(44.0), orders=[4, 8, 12])
     assert found.modes.frequencies == pytest.approx([8.0], rel=0.01)
     assert any("--band 40 50" in note.text for note in found.notes)
-    assert ms.analyze(tones(44.0), band=(2, 50)).modes.frequencies == pytest.approx([8.0, 44.0], rel=0.01)
+    assert ms.analyze(tones(44.0), band=(2, 50), orders=[4, 8, 12]).modes.frequencies == pytest.approx(
+        [8.0, 44.0], rel=0.01
+    )

@@ -10,6 +10,7 @@ import pytest
 from scipy.signal import lfilter
 
 import modalscope as ms
+from benchmarks.records.shaker import shaker
 from modalscope.data.record_spectra import RecordSpectra
 from modalscope.data.record_transform import record_spectra
 from modalscope.data.records import Records
@@ -17,7 +18,6 @@ from modalscope.identification.prepare import prepare
 from modalscope.numerics.functions.poles import poles_from
 from modalscope.signals.preprocess import line_noise as lines
 from modalscope.signals.preprocess.line_noise import DRIFT, level_lines, line_noise
-from tests.shaker import shaker
 from tests.support import match_poles, random_system, relative
 
 RATE = 100.0

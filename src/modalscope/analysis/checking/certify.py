@@ -76,8 +76,8 @@ def certify(
     --------
     >>> from modalscope import analyze
     >>> from modalscope.systems import chain5
-    >>> result = analyze(chain5().impulse_response(300, noise=0.01, seed=0), orders=range(2, 21, 2))
-    >>> bool(certify(result, replicates=10).found.min() >= 10)
+    >>> result = analyze(chain5().impulse_response(300, noise=0.01, seed=0), orders=[10, 12])
+    >>> bool(certify(result, replicates=3).found.min() >= 3)
     True
     """
     count = check_count("replicates", replicates, least=2, most=MOST_REPLICATES)

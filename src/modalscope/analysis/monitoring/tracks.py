@@ -319,9 +319,9 @@ def explain(
     Examples
     --------
     >>> import modalscope as ms
-    >>> draw, hours = np.random.default_rng(0), np.arange(400)
+    >>> draw, hours = np.random.default_rng(0), np.arange(200)
     >>> air = 10 + 8 * np.sin(hours / 60)
-    >>> f = 1 - 2e-4 * air + 1e-4 * draw.standard_normal(400)
+    >>> f = 1 - 2e-4 * air + 1e-4 * draw.standard_normal(200)
     >>> history = ms.monitoring.History(times=3600 * hours, record=hours, frequencies=f, covariates={"air": air})
     >>> found = ms.monitoring.explain(ms.monitoring.track(history))
     >>> found.regressors, bool(abs(1e4 * found.coefficients[0, 1] + 2) < 0.02)

@@ -148,7 +148,7 @@ def realize(
     Examples
     --------
     >>> from modalscope.systems import chain5
-    >>> record = chain5().simulate(inputs="white", samples=1500, sampling_rate=20.0, noise=0.02, seed=1)
+    >>> record = chain5().simulate(inputs="white", samples=800, sampling_rate=20.0, noise=0.02, seed=1)
     >>> model = realize(record, order=10)
     >>> bool(model.validation.free_run.min() > 99), bool(abs(model.poles).max() < 1)
     (True, True)

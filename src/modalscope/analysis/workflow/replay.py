@@ -61,7 +61,7 @@ def replay(
     --------
     >>> from modalscope import analyze
     >>> from modalscope.systems import chain5
-    >>> response = chain5().impulse_response(300, noise=0.01, seed=0)
+    >>> response = chain5().impulse_response(150, noise=0.01, seed=0)
     >>> first = analyze(response, method="era")
     >>> again = replay(first.analysis, response)
     >>> bool((again.modes.frequencies == first.modes.frequencies).all())
