@@ -57,11 +57,6 @@ def left_open(apart: float, damped: float) -> str:
     return f"uncertain: frequency by {figures(apart, 2)} half bandwidths, damping by {percent(damped, 2)} (one standard deviation)"
 
 
-def rarely_shown(found: int, tried: int) -> str:
-    """Say that few orders show a mode that does not exceed coloured errors."""
-    return f"found at {found} of {tried} orders only, and errors are not white"
-
-
 def too_little(gain: float, bar: float, *, coloured: bool) -> str:
     """Return why a group is not significant: noise or coloured errors may explain it.
 
@@ -323,7 +318,7 @@ def _mode(
     if not low <= f <= high:
         against.append(f"outside the band, at {f:.5g} Hz")
     if hidden:
-        few_orders = rarely_shown(int(best.members.size), len(trial.poles.orders))
+        few_orders = f"found at {best.members.size} of {len(trial.poles.orders)} orders only, and errors are not white"
         against.append(few_orders if rare else too_little(gain, trial.bar, coloured=True))
     apart, damped = (deviation * trial.gain[j] / gain for deviation in trial.left_open(j))
     if zeta >= MAX_DAMPING_OF_RESONANCES and not groups and _may_stand_outside(trial, j):
@@ -457,8 +452,7 @@ _TIE = 1e-6
 #: MAC above which a single pole shows a mode of its frequency: nearer to it than to a right angle.
 _SHOWN_MAC = 0.5
 
-#: Residuals below this part of the data are no noise of a measurement: a converter of 20 bits rounds to as much. Such data were computed,
-#: and poles are as good as rounding lets them.
+#: Residuals below this part of the data are no noise of a measurement: a converter of 20 bits rounds to as much.
 _MAX_COMPUTED = 1e-6
 
 #: Above this ratio of noise to data, fast least squares (without orthogonalization) are accurate enough.
@@ -494,7 +488,7 @@ def contest(diagram: StabilizationDiagram, poles: Poles, others: Sequence[Poles]
         return select_jointly(selection, start.pole - added, sides, doubted=doubted)
 
     held, floor = beside(), floor_of(response, rich - added)
-    if not floor.colour.coloured or floor.share < _MAX_COMPUTED**2:
+    if not floor.colour.coloured or _computed(floor):
         floor = floor.judged()
         selection = _problem_of(response, floor, held)
         return Contest(selection, outcome(selection, False))
@@ -574,6 +568,11 @@ def _problem_of(response: Response, floor: Floor, steady: ComplexArray) -> Selec
     return SelectionProblem(
         problem, floor.variance, bar, response.span, correlation=floor.correlation, window=floor.window
     )
+
+
+def _computed(floor: Floor) -> bool:
+    """Return whether the residual is less than any measurement leaves: data were computed, and poles are as good as rounding lets them."""
+    return floor.share < _MAX_COMPUTED**2
 
 
 def _whole(selection: SelectionProblem, floor: Floor) -> RealArray:
