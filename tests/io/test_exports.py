@@ -62,7 +62,7 @@ def test_an_option_that_leads_nowhere_is_found(tmp_path: Path) -> None:
 @pytest.mark.skipif(not (DATA / "standins").is_dir(), reason="the stand-ins are not there")
 @pytest.mark.parametrize(
     ("command", "options", "several"),
-    [("info", [], set()), ("identify", ["--orders", "2:20:6", "--no-refine"], {("--all",), ("--each",)})],
+    [("info", [], set()), ("identify", ["--orders", "2:20:6", "--no-refine", "-v"], {("--all",), ("--each",)})],
 )
 def test_every_option_that_is_printed_is_obeyed_word_for_word(
     command: str, options: list[str], several: set[tuple[str, ...]], capsys: pytest.CaptureFixture[str]

@@ -30,8 +30,8 @@ from modalscope.selection.likelihood.whitening import chi_squared_bound, lag_fac
 #: Lines of a cluster: so many half bandwidths to either side of its poles, and so many at least.
 _REACH, _MIN_LINES = 10.0, 40
 
-#: Part of what several poles explain beyond one that a mode which shifts may lack: shifts are not quite Lorentzian. Simulated shifts lack
-#: -.05 to .013 of it, a measured beam up to .02, pairs .21 and more (70 random clusters and 31 measured ones).
+#: Part of what all poles of a cluster explain beyond m of them that m modes which shift may lack: shifts are not quite Lorentzian. Single
+#: ones lack -.05 to .013 of it where they are simulated, up to .02 on a measured beam, pairs .21 and more (70 and 31 clusters).
 _MAX_LACKING = 0.05
 
 #: A single mode may scatter by so many times what the median other mode does (chosen on the same clusters).

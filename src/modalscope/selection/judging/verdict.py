@@ -105,7 +105,7 @@ _MAX_DISTANCE_COLOURED = 0.5
 #: A cluster shows a mode within a half bandwidth, this relative damping difference, and above this MAC.
 _MAX_DAMPING_DIFFERENCE, _MIN_MAC = 0.5, 0.8
 
-#: A pole that stands for modes outside the band has an end of it within so many half bandwidths.
+#: A pole that stands for modes outside the band has an end of it within so many half bandwidths: `out_of_band_poles` have it within one.
 _REACH_OF_OUTSIDE = 2.0
 
 #: Minimum share of the orders that show a mode under coloured errors.
