@@ -197,6 +197,24 @@ def hosts_near(recount: Recount) -> int:
     return len(set(found.host[near].tolist()))
 
 
+def test_shifts_of_several_modes_have_their_price() -> None:
+    """Two modes that shift explain three still ones nearly, by shifts that no other mode of the test has."""
+    rng, none, half = np.random.default_rng(50), (np.zeros(6), np.zeros(3)), abs(POLE.real)
+    poles = POLE + 1j * half * np.array([0, 1.4, 1.95, -12, -8, 12, 20])
+    made = sum(shifting(rng.standard_normal(6), rng.standard_normal(3), *none, s) for s in poles)
+    recount = recounted(np.asarray(made), poles)
+    assert hosts_near(recount) == 3
+    # the price of shifts d_ij = a_i + b_j is that of the shortest a and b, where steps have come to their end
+    cluster = _Cluster(recount, np.array([0, 1, 2]))
+    found = cluster._centred(poles[[0, 2]], np.array([0.0, 0.1]))
+    apart = (found.fit.poles - found.poles[:, None, None]).reshape(2, -1).T
+    incidence = np.hstack([np.repeat(np.eye(6), 3, axis=0), np.tile(np.eye(3), (6, 1))])
+    shortest = np.linalg.lstsq(incidence, apart, rcond=None)[0]
+    price = np.sum(np.abs(shortest) ** 2) / (0.1 * half) ** 2
+    assert found.cost - found.fit.misfit == pytest.approx(price, rel=0.05)
+    assert price > 1
+
+
 def test_of_a_pair_seen_by_one_sensor_a_mode_that_shifts_by_row_says_which_it_is() -> None:
     (u, _), (w, _), one = random_sides(3, 9), random_sides(4, 9), np.ones(1)
     other = POLE + 1.5j * abs(POLE.real)

@@ -344,7 +344,7 @@ def test_a_peak_of_an_earlier_round_goes_when_a_later_one_leaves_it_nothing() ->
     # nothing of the last round is left: the state before stands
     assert _with_significant_peaks(state, (poles[[0, 1, 3, 2]], sides), np.array([0, 0, 1, 2]), 2) is None
     # so it does where all of them leave during the descent, and not at the test: such a round came again, up to eight times
-    gone = np.array([*poles[[0, 1, 3]], poles_from(15.0, 0.95)])
+    gone = np.array([*poles[[0, 1, 3]], poles_from(40.0, 0.01)])  # far outside the band
     assert _with_significant_peaks(state, (gone, sides[[0, 1, 3, 2]]), np.array([0, 0, 1, 2]), 2) is None
 
 
