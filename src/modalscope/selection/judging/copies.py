@@ -339,19 +339,19 @@ class _Cluster:
         one, shared = self.fitted(self._best), self.fitted(s[:, None, None], steps=_FEW_STEPS)
         gained = one.misfit - shared.misfit
         if gained <= bar:  # one frequency in all channels, with a residue of any rank: nothing shifts
-            rank = self._rank(one)
-            strongest = np.argsort(-self._size(shared), kind="stable")[:rank]
-            return _Modes(one.means if rank == 1 else s[strongest], np.zeros(2), 1.0)
+            strongest = np.argsort(-self._size(shared), kind="stable")[: self._rank(one)]
+            return _Modes(one.means if strongest.size == 1 else s[strongest], np.zeros(2), 1.0)
         begun, found = [int(np.argmax(self._size(shared)))], self.as_one()
         usual = np.maximum(np.median(_beyond_noise(scatters), axis=0), [0, _LEAST_SHIFT])
         centres, fewer, own = found.means, one, found.scatter(0)
         cost = found.misfit if np.any(own <= _MAX_SCATTER * _usually(scatters, place, own)) else np.inf
         for m in range(1, len(s)):
+            if m > 1:
+                begun, (centres, found, cost) = self._next(begun, usual)
+                fewer = self.fitted(s[begun][:, None, None])
             room = bar + 2 * q * p * (len(s) - m - 1) / self.factor + _MAX_LACKING * (fewer.misfit - shared.misfit)
             if cost <= shared.misfit + room:
                 return _Modes(centres, found.shifts(), float((one.misfit - found.misfit) / max(gained, 1e-300)))
-            begun, (centres, found, cost) = self._next(begun, usual)
-            fewer = self.fitted(s[begun][:, None, None])
         return _Modes(s, np.zeros(2), 1.0)
 
     def _rank(self, one: _Fit) -> int:

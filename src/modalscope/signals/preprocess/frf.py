@@ -216,7 +216,7 @@ def _check_forces(signals: Signals) -> None:
     inputs = np.concatenate(driven_records(signals, "frequency responses")[1])
     dead = [dof for dof, force in zip(signals.input_dofs, inputs.T, strict=True) if np.all(force == force[0])]
     if dead:
-        asked, have = (f"responses to {', '.join(signals.input_dofs)}:", f"{', '.join(dead)} is constant: no force")
+        asked, have = f"responses to {', '.join(signals.input_dofs)}:", f"{', '.join(dead)} is constant: no force"
         raise DataError(asked, have, f"Leave it out: select(exclude={dead!r}).")
 
 
