@@ -7,9 +7,11 @@ from __future__ import annotations
 
 import ast
 import gc
+import io
 import re
 import subprocess
 import sys
+import tokenize
 import tomllib
 from collections import Counter
 from collections.abc import Iterator, Mapping
@@ -118,12 +120,6 @@ def circles(imports: Mapping[str, set[str]]) -> list[list[str]]:
     return found
 
 
-#: Comments and strings, each from where it begins to where it ends.
-_STRINGS = re.compile(
-    r"""#[^\n]*|\"{3}(?:\\.|[^\\])*?\"{3}|'{3}(?:\\.|[^\\])*?'{3}|"(?:\\.|[^"\\\n])*"|'(?:\\.|[^'\\\n])*'""", re.DOTALL
-)
-
-
 def code_lines(text: str) -> int:
     r"""Return the lines that hold code: no docstring, comment, blank line or import.
 
@@ -132,13 +128,9 @@ def code_lines(text: str) -> int:
     >>> code_lines('"A text."\nimport a\n\n# why\nx = (1,\n     2)\n')
     2
     """
-    bare = map(str.strip, text.split("\n"))
-    lines = {number for number, line in enumerate(bare, 1) if line and not line.startswith("#")}
-    for string in _STRINGS.finditer(
-        text
-    ):  # all lines of a string count, blank ones and those that look like a comment too
-        first = text.count("\n", 0, string.start()) + 1 if "\n" in string.group() else 0
-        lines |= set(range(first, first + string.group().count("\n") + 1)) if first else set()
+    tokens = tokenize.generate_tokens(io.StringIO(text).readline)
+    silent = {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER}
+    lines = {n for t in tokens if t.type not in silent for n in range(t.start[0], t.end[0] + 1)}
     for node in _silent(text):
         lines -= set(range(node.lineno, (node.end_lineno or node.lineno) + 1))
     return len(lines)
