@@ -10,9 +10,11 @@ import pytest
 
 from modalscope.data import FrequencyResponse
 from modalscope.numerics.functions.poles import poles_from
+from modalscope.selection.judging import joint_selection
 from modalscope.selection.judging.joint_selection import (
     State,
     _doubtful,
+    _excess,
     _with_significant_peaks,
     channel_noise_factors,
     gains_in_residual,
@@ -124,6 +126,17 @@ def test_the_noise_beneath_a_mode_is_that_of_the_channels_it_rests_on() -> None:
     R = np.abs(np.einsum("oj,ji->joi", SHAPES, PARTS)) ** 2
     expected = np.sum(R * left, axis=(1, 2)) / np.sum(R, axis=(1, 2))
     assert channel_noise_factors(state) == pytest.approx(np.maximum(expected, 1), rel=0.1)
+
+
+@pytest.mark.parametrize(("part", "computed"), [(1 - NUDGE, True), (1 + NUDGE, False)])
+def test_what_is_left_of_computed_data_has_no_colour(
+    part: float, computed: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem = selection_of(data())
+    state = State(descend(problem.problem, POLES[:3], PARTS[:3].astype(complex)), problem.variance, problem)
+    left = float(np.sqrt(state.descent.cost / problem.problem.size))
+    monkeypatch.setattr(joint_selection, "_MAX_COMPUTED", left / part)
+    assert (_excess(state) == 0) is computed
 
 
 @pytest.mark.parametrize(("gain", "local"), [(4 - NUDGE, True), (4 + NUDGE, False)])

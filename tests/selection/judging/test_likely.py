@@ -70,9 +70,10 @@ def test_skirts_take_part_from_seven_tenths_of_the_excess_on(whiter: bool, monke
     assert posed(monkeypatch, 0.0) == [whiter, whiter, False]
 
 
-def test_data_without_noise_have_their_modes_and_no_others() -> None:
-    # poles of lscf are good to 1e-6 here: what they leave is misfit, and no noise
-    structure = random_structure(1)
+@pytest.mark.parametrize("seed", [1, 71001, 71005])
+def test_data_without_noise_have_their_modes_and_no_others(seed: int) -> None:
+    # poles of lscf are good to 1e-6 here: what they leave is misfit, and what they leave refined is rounding, and no noise
+    structure = random_structure(seed)
     f = np.linspace(0.7 * np.abs(structure.poles).min(), 1.15 * np.abs(structure.poles).max(), 250) / (2 * np.pi)
     response = FrequencyResponse(values=lines_of(structure, f), frequencies=f, quantity=structure.quantity)
     found = score(structure, select(stabilize(response, method="lscf")))
@@ -80,11 +81,8 @@ def test_data_without_noise_have_their_modes_and_no_others() -> None:
     assert found.spurious == 0
 
 
-@pytest.mark.parametrize(("part", "computed"), [(1 - NUDGE, True), (1 + NUDGE, False)])
-def test_a_millionth_of_the_data_is_no_noise_of_a_measurement(part: float, computed: bool) -> None:
-    floor = floor_of(data(), POLES)
-    assert likely._computed(replace(floor, share=(1e-6 * part) ** 2)) is computed
-    even = np.outer(*levels_of_channels(data().values))
+def test_the_share_of_the_residual_counts_all_channels_alike() -> None:
+    floor, even = floor_of(data(), POLES), np.outer(*levels_of_channels(data().values))
     assert floor.share == pytest.approx(np.sum((floor.left / even) ** 2) / np.sum((floor.data / even) ** 2))
 
 

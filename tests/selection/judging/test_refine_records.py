@@ -207,3 +207,13 @@ def test_a_mode_that_is_added_and_leaves_for_the_place_of_another_is_none(monkey
     moved = replace(start, poles=np.append(start.poles[:-1], beside.poles))
     with pytest.raises(Astray):
         refine.refinement(records, moved, complete=True, confined=True)
+
+
+@pytest.mark.parametrize("further", ["still", "sum"])
+def test_an_input_that_tells_nothing_changes_no_deviation(further: str) -> None:
+    run = runs_of(system(4, 2), [1000], noise=0.05).runs[0]
+    more = np.zeros(len(run.inputs)) if further == "still" else run.inputs.sum(axis=1)
+    beside = ms.Signals(outputs=run.outputs, inputs=np.column_stack([run.inputs, more]), sampling_rate=1.0)
+    one, other = (ms.refine(data, ms.identify(data, route="records", order=6).modes) for data in (run, beside))
+    for name in ("frequencies", "frequencies_std", "damping_ratios_std", "shapes_std"):
+        assert np.allclose(getattr(other, name), getattr(one, name), rtol=1e-5), name

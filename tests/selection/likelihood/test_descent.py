@@ -72,6 +72,14 @@ def test_a_direction_without_information_leaves_only_its_own_unknowns_undetermin
     assert np.all(np.isfinite(found @ J.T @ J @ found))
 
 
+def test_what_is_known_of_columns_that_depend_on_each_other_projects_on_their_span() -> None:
+    J = np.random.default_rng(6).standard_normal((30, 4))
+    J = np.column_stack([J, J[:, 1] + J[:, 2], J[:, 0] - 2 * J[:, 3]])
+    projection = J @ inverse(J.T @ J, 0.0) @ J.T
+    assert np.allclose(projection @ J, J)
+    assert np.trace(projection) == pytest.approx(4)
+
+
 @pytest.mark.parametrize(("part", "lost"), [(0.99, True), (1.01, False)])
 def test_directions_below_the_rounding_of_products_are_undetermined(part: float, lost: bool) -> None:
     # eigenvalues 2 - e and e, and the limit is 1e-12 of the largest; the last unknown stands by itself

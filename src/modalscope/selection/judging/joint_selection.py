@@ -180,6 +180,9 @@ MAX_EXCESS_RATIO = 0.7
 #: Or what is left must fall to this part: a strong mode was missing, and what hid behind it shows only now.
 _MAX_MISFIT_RATIO = 0.1
 
+#: Residuals below this part of the data are no noise of a measurement, as a converter of 20 bits rounds to as much: data were computed.
+_MAX_COMPUTED = 1e-6
+
 #: Distance, in half bandwidths, of each of two poles that replace one in a trial. Where the descent starts is a choice: it moves both.
 _SPLIT_HALF_BANDWIDTHS = 0.5
 
@@ -345,8 +348,10 @@ def _with_significant_peaks(
 
 
 def _excess(state: State) -> float:
-    """Return the excess of the residual over white noise, 1 for white noise."""
+    """Return the excess of the residual over white noise, 1 for white noise; 0 where it is too small for a measurement's."""
     point = state.descent.point
+    if state.descent.cost < _MAX_COMPUTED**2 * point.problem.size:
+        return 0.0
     unknowns = point.problem.terms.shape[1] + 2 * len(state.poles)
     errors = residual(point, state.descent.fitted)
     return colour(errors, point.problem.light.count, unknowns, kept=point.kept(), window=state.selection.window).excess

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import Any
 
 import numpy as np
@@ -452,9 +452,6 @@ _TIE = 1e-6
 #: MAC above which a single pole shows a mode of its frequency: nearer to it than to a right angle.
 _SHOWN_MAC = 0.5
 
-#: Residuals below this part of the data are no noise of a measurement: a converter of 20 bits rounds to as much.
-_MAX_COMPUTED = 1e-6
-
 #: Above this ratio of noise to data, fast least squares (without orthogonalization) are accurate enough.
 _MIN_NOISE_RATIO = 1e-4
 
@@ -488,7 +485,7 @@ def contest(diagram: StabilizationDiagram, poles: Poles, others: Sequence[Poles]
         return select_jointly(selection, start.pole - added, sides, doubted=doubted)
 
     held, floor = beside(), floor_of(response, rich - added)
-    if not floor.colour.coloured or _computed(floor):
+    if not floor.colour.coloured:
         floor = floor.judged()
         selection = _problem_of(response, floor, held)
         return Contest(selection, outcome(selection, False))
@@ -570,11 +567,6 @@ def _problem_of(response: Response, floor: Floor, steady: ComplexArray) -> Selec
     )
 
 
-def _computed(floor: Floor) -> bool:
-    """Return whether the residual is less than any measurement leaves: data were computed, and poles are as good as rounding lets them."""
-    return floor.share < _MAX_COMPUTED**2
-
-
 def _whole(selection: SelectionProblem, floor: Floor) -> RealArray:
     """Return the divided data including the terms."""
     whole = floor.data / selection.problem.rows[:, None, None] / floor.levels.channels
@@ -588,9 +580,7 @@ def _starts_of(poles: Poles, others: Sequence[Poles]) -> Poles:
         more = other.take(_starts(other, _groups(other)))
         apart = [not any(_same_start(part, more, k).any() for part in parts) for k in range(more.pole.size)]
         parts.append(more.take(np.flatnonzero(apart)))
-    whole = parts[0]
-    for part in parts[1:]:
-        whole = whole.beside(part)
+    whole = reduce(Poles.beside, parts)
     return whole.take(np.arange(min(whole.pole.size, _MAX_STARTS)))
 
 

@@ -249,7 +249,7 @@ def inverse(information: RealArray, undetermined: float = _UNDETERMINED) -> Real
     """Return the inverse, columns brought to one level first.
 
     A direction below the rounding of the products, about which the data say nothing, gives the variance `undetermined` to the unknowns
-    that it consists of, and nothing to others.
+    that it consists of, and nothing to others. With zero these keep what is known of them: products with columns need no more.
     """
     scale = np.sqrt(np.diag(information))
     scale[scale < 1e-150] = 1  # a column of nothing
@@ -257,7 +257,7 @@ def inverse(information: RealArray, undetermined: float = _UNDETERMINED) -> Real
     known = values > ROUNDING_OF_PRODUCTS * values.max(initial=0.0)
     found = (vectors[:, known] / values[known]) @ vectors[:, known].T
     lost = np.any(vectors[:, ~known] ** 2 >= _MIN_SHARE_OF_DIRECTION, axis=1)
-    found[lost, lost] = undetermined
+    found[lost, lost] = undetermined or found[lost, lost]
     return np.asarray(found / np.outer(scale, scale))
 
 

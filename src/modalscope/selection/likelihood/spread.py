@@ -74,9 +74,10 @@ def spread_of(settled: Settled, poles: ComplexArray, response: Response, groups:
     """
     point, fitted, variance, seen = settled.descent.point, settled.descent.fitted, settled.variance, settled.colour
     information = normal(point, fitted)[0]
-    C, known = inverse(information), inverse(information, 0.0)
+    C = inverse(information, 0.0)
+    lost = inverse(information) - C  # variance of what the data do not determine
     asked = point.problem.records or seen.coloured or settled.levelled
-    rows = told_by_lines(point, fitted, known, response) if asked else None
+    rows = told_by_lines(point, fitted, C, response) if asked else None
     between = _between(point, fitted, C, groups, rows)
     own = variance * fitted.alone
     candidates: list[_Candidate] = []
@@ -86,12 +87,12 @@ def spread_of(settled: Settled, poles: ComplexArray, response: Response, groups:
         found = C @ meat @ C if noise is None else variance * noise.covariance
         candidates.append(_Candidate(found, np.full((2, len(poles)), float(point.problem.freedom)), own))
     if rows is not None:
-        free, parts = rows.told(gradients_of_poles(poles), known)
-        candidates.append(_Candidate(rows.covariance(known) + C - known, free, rows.own))
+        free, parts = rows.told(gradients_of_poles(poles), C)
+        candidates.append(_Candidate(rows.covariance(C), free, rows.own))
     if seen.coloured and not point.problem.records and between is None:
         each = [part for part in _by_channels(point, fitted) if len(part) >= LEAST_GROUPS]
         candidates += [_Candidate(sandwich(C, part), np.full((2, len(poles)), len(part) - 1.0), own) for part in each]
-    variances = np.array([_of_poles(poles, each.covariance, point) ** 2 for each in candidates])
+    variances = np.array([_of_poles(poles, each.covariance + lost, point) ** 2 for each in candidates])
     widest = np.argmax(variances, axis=0)[None]
     degrees = np.take_along_axis(np.array([each.degrees for each in candidates]), widest, axis=0)[0]
     variances = np.take_along_axis(variances, widest, axis=0)[0]
@@ -101,26 +102,26 @@ def spread_of(settled: Settled, poles: ComplexArray, response: Response, groups:
         lower = lower_damping(poles, wandering(variances[0], degrees[0], parts[0]))
         both = [joined(*each) for each in zip(variances, degrees, parts, strict=True)]
         variances, degrees = (np.array(each) for each in zip(*both, strict=True))
-    f, zeta = np.sqrt(variances)
-    shapes = np.max([_of_shapes(point, fitted, each.covariance, each.own) for each in candidates], axis=0)
+    shapes = np.max([_of_shapes(point, fitted, each.covariance, each.own, lost) for each in candidates], axis=0)
     if seen.coloured and not point.problem.records:
         white = _of_poles(poles, candidates[0].covariance, point)[0] ** 2, candidates[0].degrees[0]
         by_output, by_input = (wandering(*white, each) for each in _by_side(point, fitted, C, poles))
         lower = np.fmin(lower, lower_damping_of_channels(poles, by_output + by_input))
         shapes = np.hypot(shapes, _of_shifts(point, fitted, poles, by_output))
     if between is None or groups is None:
-        return Spread(f, zeta, np.where(opened, 0, degrees).T, lower, shapes, None, None)
+        return Spread(
+            variances[0] ** 0.5, variances[1] ** 0.5, np.where(opened, 0, degrees).T, lower, shapes, None, None
+        )
     apart = _of_poles(poles, between, point)
     degrees = degrees_of_wider(np.sqrt(variances), degrees, apart, len(set(groups)))
-    return Spread(f, zeta, np.where(opened, 0, degrees).T, lower, shapes, *apart)
+    return Spread(variances[0] ** 0.5, variances[1] ** 0.5, np.where(opened, 0, degrees).T, lower, shapes, *apart)
 
 
-def _by_side(point: Point, fitted: Fitted, inverse: RealArray, poles: ComplexArray) -> tuple[Parts, Parts]:
+def _by_side(point: Point, fitted: Fitted, inverse: RealArray, poles: ComplexArray) -> Iterator[Parts]:
     """Return what outputs and inputs say of the frequencies of poles, each as one part."""
     power, pull = by_channel(point, fitted, steps_of_poles(gradients_of_poles(poles)[0], inverse))
     total = np.maximum(power.sum(axis=(1, 2)), 1e-300)[:, None]
-    by_output, by_input = (parts_of(power.sum(axis=axis) / total, pull.sum(axis=axis)) for axis in (2, 1))
-    return by_output, by_input
+    return (parts_of(power.sum(axis=axis) / total, pull.sum(axis=axis)) for axis in (2, 1))
 
 
 def _of_shifts(point: Point, fitted: Fitted, poles: ComplexArray, scatter: RealArray) -> RealArray:
@@ -168,15 +169,17 @@ def _between(
 # -------------------------------------------------------------------------------------------------------------- shapes
 
 
-def _of_shapes(point: Point, fitted: Fitted, covariance: RealArray, own: RealArray) -> RealArray:
+def _of_shapes(point: Point, fitted: Fitted, covariance: RealArray, own: RealArray, lost: RealArray) -> RealArray:
     """Return the deviations of all shapes, (l, n), their size taken off in levels of the channels, which no unit changes.
 
-    `own` (n,) or (q, n): variance of the side that follows, all else held.
+    `own` (n,) or (q, n): variance of the side that follows, all else held. `lost`: that of what is not determined. Sides of which nothing
+    is known, as of inputs that never move, leave shapes that follow by least squares as they are.
     """
     shapes, _ = point.problem.scaled_back(point, fitted)
     turned = point.problem.turned
     scale = point.problem.varying if turned else point.problem.linear
     alone = np.zeros(shapes.shape) if turned else np.broadcast_to(own, shapes.shape)
+    covariance = covariance + turned * lost
     moved = _among_unknowns(point) if turned else _by_substitution(point, fitted)
     each = [scale * shape_deviations(shapes[:, j] / scale, alone[:, j], A, covariance) for j, A in enumerate(moved)]
     return np.stack(each, axis=1)
