@@ -16,7 +16,7 @@ from modalscope.data.analysis import Analysis
 from modalscope.data.indicators import mac
 from modalscope.data.results import StabilizationDiagram
 from modalscope.numerics.checks import Array, ComplexArray
-from modalscope.numerics.functions.poles import frequencies_and_damping, poles_from
+from modalscope.numerics.functions.poles import poles_from
 from modalscope.selection.judging import (
     copies,
     evidence,
@@ -75,6 +75,13 @@ def _plain_levels(power: Array, even: Array, size: Array) -> tuple[Array, Array]
     return np.broadcast_to(noise, power.shape).copy(), np.zeros(power.shape)
 
 
+def _none_that_shift(self: Any, begun: list[int], _: Any) -> Any:
+    """Return the next pole, and a fit of so many that is no choice."""
+    begun = [*begun, next(k for k in range(len(self.which)) if k not in begun)]
+    fit = self.fitted(self.poles[self.which[begun]][:, None, None], steps=1)
+    return begun, copies._Centred(fit.means, fit, np.inf)
+
+
 #: What is switched off in the choice: a function that does nothing then, or a threshold that never holds.
 RULES = {
     # white errors: the joint selection
@@ -116,7 +123,7 @@ RULES = {
     "copies: what shifts may lack": Rule(copies, "_MAX_LACKING", 0.0),
     "copies: least shift": Rule(copies, "_LEAST_SHIFT", 1e-9),
     "copies: rank of one pole": Rule(copies._Cluster, "_rank", lambda *_: 1),
-    "copies: several modes that shift": Rule(copies._Cluster, "_next", None),
+    "copies: several modes that shift": Rule(copies._Cluster, "_next", _none_that_shift),
     "hosts: collinear parts": Rule(verdict, "collinear", _no_pairs),
     "hosts: overlapping uncertain poles": Rule(verdict, "overlap", lambda s, _: _no_pairs(s)),
     # verdict
@@ -148,21 +155,20 @@ RULES = {
     "record: objections": Rule(select, "with_objections_of_record", lambda _, candidates: list(candidates)),
 }
 
+_descend_from = settling.descend_from
+
 #: What is switched off in the refinement of the chosen modes.
 RULES_OF_REFINEMENT = {
     "refined: peaks of records": Rule(refine, "completed", lambda task, modes, settled: modes),
-    "refined: modes stay at home": Rule(settling, "descend_from", None),
+    "refined: modes stay at home": Rule(
+        settling, "descend_from", lambda point, home=None, **options: _descend_from(point, **options)
+    ),
     "refined: poles held beside": Rule(refining, "terms_of", lambda modes: (np.zeros(0, complex), None)),
     "refined: powers of terms": Rule(settling, "_needed_powers", lambda task, _: task.powers),
     "refined: levels of lines": Rule(settling, "_uneven", lambda *_: False),
     "refined: least gain": Rule(refine, "least_gain", lambda _: 0.0),
     "refined: poles besides the shapes": Rule(outcome, "_poles_besides", _no_poles),
 }
-
-_descend_from = settling.descend_from
-RULES_OF_REFINEMENT["refined: modes stay at home"] = Rule(
-    settling, "descend_from", lambda point, home=None, **options: _descend_from(point, **options)
-)
 
 
 def _moved(selection: SelectionProblem, poles: ComplexArray, sides: ComplexArray, **options: Any) -> Any:
@@ -435,14 +441,51 @@ def frequencies_of(diagram: StabilizationDiagram) -> Array:
     return np.asarray(ms.select(diagram).frequencies)
 
 
-def refined_of(diagram: StabilizationDiagram) -> ms.ModalModel:
-    """Return the list after its refinement."""
-    return refining.refined_where_it_helps(diagram, select.selected(diagram))
+def chosen(case: Posed, *, refined: bool) -> ms.ModalModel:
+    """Return the list of a case, or what its refinement leaves of it."""
+    if refined:
+        return refining.refined_where_it_helps(case.diagram, select.selected(case.diagram))
+    return ms.select(case.diagram)
 
 
-def faults_of(poles: ComplexArray, modes: ms.ModalModel) -> tuple[int, int]:
+class Full(NamedTuple):
+    """The list under all rules, its faults, and the rules that ran."""
+
+    modes: ms.ModalModel
+    faults: int
+    ran: frozenset[str]
+
+
+@cache
+def full(kind: str, seed: int, refined: bool) -> Full:
+    """Return the list of a case under all rules."""
+    case = posed(kind, seed)
+    with counted_calls(RULES_OF_REFINEMENT if refined else RULES) as ran:
+        modes = chosen(case, refined=refined)
+    return Full(modes, faults_of(case.poles, modes), frozenset(ran))
+
+
+def faults_of(poles: ComplexArray, modes: ms.ModalModel) -> int:
     """Return how many true modes are not listed, and how many listed ones are none."""
-    return missed_and_false(Structure(poles, np.zeros((len(poles), 1, 1)), ""), modes)
+    return sum(missed_and_false(Structure(poles, np.zeros((len(poles), 1, 1)), ""), modes))
+
+
+#: What may become of a list when a rule is off.
+CHANGES = ("more faults", "fewer faults", "as many faults", "other damping or shapes")
+
+
+def change_without(rule: str, kind: str, seed: int) -> str | None:
+    """Return which of `CHANGES` the list of a case undergoes without a rule, "" for none; None where the rule did not run."""
+    refined = rule in RULES_OF_REFINEMENT
+    whole, case = full(kind, seed, refined), posed(kind, seed)
+    if rule not in whole.ran:
+        return None
+    with changed((RULES | RULES_OF_REFINEMENT)[rule]):
+        other = chosen(case, refined=refined)
+    if not alike(whole.modes.frequencies, other.frequencies):
+        more = faults_of(case.poles, other) - whole.faults
+        return CHANGES[0] if more > 0 else CHANGES[1] if more < 0 else CHANGES[2]
+    return "" if not len(other) or values_alike(whole.modes, other) else CHANGES[3]
 
 
 def alike(one: Array, other: Array) -> bool:
@@ -450,11 +493,7 @@ def alike(one: Array, other: Array) -> bool:
     return len(one) == len(other) and bool(np.allclose(one, other, rtol=2e-3))
 
 
-def shapes_alike(one: ms.ModalModel, other: ms.ModalModel) -> bool:
+def values_alike(one: ms.ModalModel, other: ms.ModalModel) -> bool:
     """Whether two lists of the same modes have the same shapes, and the same damping to a tenth."""
-    f, zeta = frequencies_and_damping(one.poles)
-    del f
-    return bool(
-        np.all(np.diag(mac(one.shapes, other.shapes)) > 0.99)
-        and np.allclose(zeta, frequencies_and_damping(other.poles)[1], rtol=0.1)
-    )
+    shapes = np.diag(mac(one.shapes, other.shapes)) > 0.99
+    return bool(shapes.all() and np.allclose(one.damping_ratios, other.damping_ratios, rtol=0.1))

@@ -2,20 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Mapping
 
 import numpy as np
 import pytest
 
 import modalscope as ms
-from tests.selection.judging.ablation import CASES, PATHS, RULES, alike, changed, diagram_of_case, frequencies_of
+from tests.selection.judging.ablation import (
+    CASES,
+    CHANGES,
+    PATHS,
+    RULES,
+    RULES_OF_REFINEMENT,
+    alike,
+    change_without,
+    changed,
+    frequencies_of,
+    full,
+    posed,
+)
 from tests.studies import Study
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", ["lines, 40 dB", "shifted: columns, pair"])
 def test_lists_are_the_same_on_other_paths(kind: str) -> None:
-    diagram = diagram_of_case(kind, 3)
+    diagram = posed(kind, 3).diagram
     listed = frequencies_of(diagram)
     for path in PATHS.values():
         with changed(path):
@@ -26,7 +39,7 @@ def test_lists_are_the_same_on_other_paths(kind: str) -> None:
 @pytest.mark.parametrize("kind", ["coloured errors", "shifted: rows and columns, pair"])
 def test_lists_are_the_same_in_any_order_of_channels_and_turned(kind: str) -> None:
     """Without reciprocity: as it is, outputs and inputs in other orders, and outputs for inputs."""
-    response, rng = CASES[kind](93000), np.random.default_rng(0)
+    response, rng = CASES[kind](93000).data, np.random.default_rng(0)
     outputs, inputs = (rng.permutation(count) for count in response.values.shape[1:])
     others = response.values[:, outputs][:, :, inputs], response.values.transpose(0, 2, 1)
     known = {"frequencies": response.frequencies, "quantity": response.quantity}
@@ -40,27 +53,48 @@ def test_lists_are_the_same_in_any_order_of_channels_and_turned(kind: str) -> No
 @pytest.mark.slow
 def test_a_rule_that_is_off_is_seen() -> None:
     """Without the rule on copies a shifting structure lists them: a switch that does nothing would tell nothing."""
-    diagram = diagram_of_case("shifted: rows", 3)
-    with changed(RULES["copies of shifting resonances"]):
+    diagram = posed("shifted: rows", 3).diagram
+    with changed(RULES["copies: two modes or one that shifts"]):
         without = frequencies_of(diagram)
     assert len(without) > len(frequencies_of(diagram))
 
 
+SEEDS = range(71000, 71005)
+
+
 @pytest.mark.study("ablation")
-@pytest.mark.parametrize("kind", list(CASES))
-def test_study_of_rules_and_paths(kind: str, study: Callable[[str, str], Study]) -> None:
-    """Of each rule, in how many lists something changes without it; of each path the same, where nothing should."""
-    seeds = range(70000, 70025)
-    lists = dict.fromkeys((*RULES, *PATHS), 0)
-    for seed in seeds:
-        diagram = diagram_of_case(kind, seed)
-        full = frequencies_of(diagram)
-        for name, rule in (RULES | PATHS).items():
-            with changed(rule):
-                lists[name] += not alike(frequencies_of(diagram), full)
-    found = study(kind, f"25 cases, seeds {seeds[0]} to {seeds[-1]}")
-    for name in RULES:
-        found.row(f"lists that change without: {name}", lists[name])
-    for name in PATHS:
-        found.row(f"lists that change on another path: {name}", lists[name], most=1)
+@pytest.mark.parametrize("rule", [*RULES, *RULES_OF_REFINEMENT])
+def test_study_of_a_rule(rule: str, study: Callable[[str, str], Study]) -> None:
+    """What becomes of the lists of all kinds of data without a rule."""
+    found = {(kind, seed): change_without(rule, kind, seed) for kind in CASES for seed in SEEDS}
+    row(study, rule, {case: change for case, change in found.items() if change is not None})
+
+
+def row(study: Callable[[str, str], Study], rule: str, found: Mapping[tuple[str, int], str]) -> None:
+    """Write what becomes of the lists in which a rule ran."""
+    table = study(
+        rule, f"{len(found)} lists of {len({kind for kind, _ in found})} kinds, seeds {SEEDS[0]} to {SEEDS[-1]}"
+    )
+    counts = Counter(found.values())
+    table.row(
+        "lists without it",
+        ", ".join(f"{counts[change]} {change}" for change in CHANGES if counts[change]) or "all the same",
+    )
+    kinds = Counter(kind for (kind, _), change in found.items() if change)
+    if kinds:
+        table.row("where", "; ".join(f"{kind} ({count})" for kind, count in kinds.most_common(4)))
+
+
+@pytest.mark.study("ablation")
+@pytest.mark.parametrize("path", list(PATHS))
+def test_study_of_a_path(path: str, study: Callable[[str, str], Study]) -> None:
+    """On another path of the descents nothing should change: in one list of 25 at most."""
+    lists = 0
+    for kind in CASES:
+        for seed in SEEDS:
+            with changed(PATHS[path]):
+                lists += not alike(full(kind, seed, False).modes.frequencies, frequencies_of(posed(kind, seed).diagram))
+    count = len(CASES) * len(SEEDS)
+    found = study(path, f"{count} lists of {len(CASES)} kinds, seeds {SEEDS[0]} to {SEEDS[-1]}")
+    found.row("lists that change on another path", lists, most=count // 25)
     assert not found.missed
