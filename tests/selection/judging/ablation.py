@@ -39,6 +39,7 @@ from tests.selection.judging.pairs import structure_with_pair
 from tests.selection.judging.plates import Errors, plate, plate_response
 from tests.selection.judging.shifted import KINDS, missed_and_false, shifted_response, shifted_structure
 from tests.selection.judging.sub_bands import sub_band
+from tests.selection.judging.test_hidden import DAMPING, FREQUENCIES, hidden
 from tests.selection.judging.test_windowed_lines import response_of as windowed_response
 
 
@@ -310,6 +311,27 @@ def _beside_lines(seed: int) -> Case:
     return _known(structure, ms.FrequencyResponse(values=H, **known))
 
 
+def _loud_channels(seed: int) -> Case:
+    """White noise whose level differs by up to a thousand from channel to channel."""
+    structure, rng = random_structure(seed), np.random.default_rng([seed, 81])
+    clean = _exact(seed).data
+    level = 10 ** rng.uniform(-4, -1, clean.values.shape[1:])
+    values = clean.values + level * white_errors(rng, clean.values, 1.0)
+    return _known(
+        structure, ms.FrequencyResponse(values=values, frequencies=clean.frequencies, quantity=clean.quantity)
+    )
+
+
+def _alike_pair(seed: int) -> Case:
+    """A pair of one shape, half to one half bandwidth apart, 60 dB."""
+    structure = structure_with_pair(seed, 0.5, 1.0, alike=True)
+    return _known(structure, frequency_response(structure, 60, seed)[0])
+
+
+def _hidden(seed: int) -> Case:
+    return Case(hidden(seed), poles_from(FREQUENCIES[1:], DAMPING[1:]))
+
+
 def _window(seed: int) -> Case:
     return Case(windowed_response(seed), ms.systems.chain5().modes().poles)
 
@@ -392,7 +414,10 @@ CASES: dict[str, Callable[[int], Case]] = {
     "close pairs": lambda seed: _known(
         structure_with_pair(seed, 0.3, 0.95), frequency_response(structure_with_pair(seed, 0.3, 0.95), 20, seed)[0]
     ),
+    "close pairs of one shape": _alike_pair,
     "close triples": _triple,
+    "modes behind stronger ones": _hidden,
+    "channels of unlike noise": _loud_channels,
     "noise": _noise,
     "no noise": _exact,
     "parts of a band, white": _part(False),

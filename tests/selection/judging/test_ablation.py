@@ -72,17 +72,14 @@ def test_study_of_a_rule(rule: str, study: Callable[[str, str], Study]) -> None:
 
 def row(study: Callable[[str, str], Study], rule: str, found: Mapping[tuple[str, int], str]) -> None:
     """Write what becomes of the lists in which a rule ran."""
-    table = study(
-        rule, f"{len(found)} lists of {len({kind for kind, _ in found})} kinds, seeds {SEEDS[0]} to {SEEDS[-1]}"
-    )
+    kinds, seeds = {kind for kind, _ in found}, [seed for _, seed in found]
+    table = study(rule, f"{len(found)} lists of {len(kinds)} kinds, seeds {min(seeds)} to {max(seeds)}")
     counts = Counter(found.values())
-    table.row(
-        "lists without it",
-        ", ".join(f"{counts[change]} {change}" for change in CHANGES if counts[change]) or "all the same",
-    )
-    kinds = Counter(kind for (kind, _), change in found.items() if change)
-    if kinds:
-        table.row("where", "; ".join(f"{kind} ({count})" for kind, count in kinds.most_common(4)))
+    told = [f"{counts[change]} {change}" for change in CHANGES if counts[change]]
+    table.row("lists without it", ", ".join(told) or "all the same")
+    where = Counter(kind for (kind, _), change in found.items() if change)
+    if where:
+        table.row("where", "; ".join(f"{kind} ({count})" for kind, count in where.most_common(4)))
 
 
 @pytest.mark.study("ablation")
