@@ -124,8 +124,8 @@ def test_what_means_nothing_is_answered_at_once(name: str) -> None:
     with pytest.raises(ms.DataError) as told:
         call()
     assert words in str(told.value)
-    # of records on lines the transforms come first, 0.07 s; 0.5 s for machines at work
-    assert time.process_time() - begun < 0.5
+    # of records on lines the transforms come first, 0.07 s; what is not refused takes minutes
+    assert time.process_time() - begun < 2
 
 
 def test_one_shape_has_a_deviation_of_its_phase() -> None:

@@ -323,9 +323,9 @@ def _loud_channels(seed: int) -> Case:
 
 
 def _alike_pair(seed: int) -> Case:
-    """A pair of one shape, half to one half bandwidth apart, 60 dB."""
-    structure = structure_with_pair(seed, 0.5, 1.0, alike=True)
-    return _known(structure, frequency_response(structure, 60, seed)[0])
+    """A pair of one shape, a half bandwidth apart, 20 dB."""
+    structure = structure_with_pair(seed, 1.0, 1.0, inputs=1 + seed % 2, alike=True)
+    return _known(structure, frequency_response(structure, 20, seed)[0])
 
 
 def _hidden(seed: int) -> Case:
