@@ -66,8 +66,8 @@ def usual_route(records: Records) -> str:
 
 
 def chosen_route(records: Records, method: str | None, domain: str | None, asked: str) -> str:
-    """Return the route as `asked`; for "auto" the usual one where it serves the method and domain, else the first that does."""
-    if asked != "auto":
+    """Return the route as `asked`; else the usual one where it serves the method and domain, or the first that does."""
+    if asked in USUAL:
         return asked
     usual = usual_route(records)
     if method is None and domain is None:
