@@ -136,8 +136,7 @@ def _level(spectra: RecordSpectra, band: tuple[float, float] | None, note: Note)
 def _periodic(records: Records) -> int | None:
     """Return the period in samples of forces that repeat at least twice after settling, and of the responses; None for others."""
     try:
-        record = one_record(records, "a period")
-        outputs, inputs = record.by_run()
+        outputs, inputs = one_record(records, "a period").by_run()
         assert inputs is not None
         period = find_period(inputs, None)
     except DataError:
