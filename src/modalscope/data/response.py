@@ -400,7 +400,7 @@ class Response(Channels, Convertible):
             rad/s, as they are in the data.
         participation : array of complex, (n, m)
         """
-        return np.asarray(np.hypot.reduce(np.abs(participation), axis=1))  # squares may not fit a float
+        return np.asarray(np.linalg.norm(participation, axis=1))
 
     @abstractmethod
     def as_samples(self) -> Conversion:
