@@ -115,6 +115,8 @@ def test_the_way_can_be_asked_for_and_one_that_ends_nowhere_says_so() -> None:
         prepare(data, "lscf", None, route="records")
     with pytest.raises(DataError, match="not records with inputs"):
         prepare(samples(), route="records")
+    with pytest.raises(DataError, match="are records with inputs, not records without inputs"):
+        prepare(data, route="correlation")
     with pytest.raises(DataError, match="route='recods'"):
         prepare(data, route="recods")
 

@@ -9,6 +9,7 @@ import pytest
 from scipy.io import savemat
 
 import modalscope as ms
+from modalscope.io import survey
 from modalscope.io.members import lists_of
 from tests.io.ordinary import HITS, RATE, cells, structures
 
@@ -177,8 +178,12 @@ def test_structures_of_several_channels_are_tests_where_their_lengths_differ(
     acc = np.random.default_rng(1).standard_normal((2, 300, 3))
     held = [{"t": np.arange(n) / RATE, "acc": a[:n]} for n, a in zip((300, rows), acc, strict=True)]
     savemat(path, {"deck": held[0] | {"names": "acc"}, "tower": held[1]})  # texts may differ
-    if not asked:  # triaxial sensors of one test
+    if not asked:  # triaxial sensors of one test, or specimens: it is said, and one can be taken
         assert ms.read(path).outputs.shape == (300, 6)
+        assert "taken as sensors of one test; if tests: --test deck" in " ".join(survey(path).notes)
+        np.testing.assert_array_equal(ms.read(path, sheet="tower").outputs, acc[1])
+        with pytest.raises(ms.DataError, match="its experiments are deck, tower"):
+            ms.read(path, sheet="roof")
         return
     with pytest.raises(ms.DataError, match="sheet='deck' or sheet='tower'"):
         ms.read(path)

@@ -268,7 +268,7 @@ class Records(SeveralRecords):
         parts = check_each("runs", self.runs, "records, one per run")
         for part in parts:
             check_kind("each of the runs", part, Signals)
-        runs = [run for part in parts for run in _apart(part)]
+        runs = [run for part in parts for run in runs_apart(part)]
         if not runs:
             raise DataError("runs need at least one record", "the list is empty", "Give at least one record.")
         _check_alike(runs)
@@ -399,7 +399,7 @@ def as_records(data: Any) -> Records:
     return Records(runs=tuple(run for part in given for run in part.recordings))
 
 
-def _apart(part: Signals) -> list[Signals]:
+def runs_apart(part: Signals) -> list[Signals]:
     """Return the runs of a record, each by itself."""
     if part.outputs.ndim == 2:
         return [part]

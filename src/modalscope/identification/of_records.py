@@ -59,12 +59,8 @@ def _of_records(data: Any, band: tuple[float, float] | None, asked: Asked) -> Me
 
 
 @_of_records.register
-def _(data: Signals, band: tuple[float, float] | None, asked: Asked) -> Measured:
-    return _of_records(as_records(data), band, asked)
-
-
-@_of_records.register
-def _(data: Records, band: tuple[float, float] | None, asked: Asked) -> Measured:
+def _(test: Signals | Records, band: tuple[float, float] | None, asked: Asked) -> Measured:
+    data = as_records(test)
     check_size(data)
     check_upright(data)
     if data.input_dofs:

@@ -66,8 +66,8 @@ def usual_route(records: Records) -> str:
 
 
 def chosen_route(records: Records, method: str | None, domain: str | None, asked: str) -> str:
-    """Return the route as `asked`; for "auto" the usual one where it serves the method and domain, else the first that does."""
-    if asked != "auto":
+    """Return the route as `asked`; else the usual one where it serves the method and domain, or the first that does."""
+    if asked in USUAL:
         return asked
     usual = usual_route(records)
     if method is None and domain is None:
@@ -136,8 +136,7 @@ def _level(spectra: RecordSpectra, band: tuple[float, float] | None, note: Note)
 def _periodic(records: Records) -> int | None:
     """Return the period in samples of forces that repeat at least twice after settling, and of the responses; None for others."""
     try:
-        record = one_record(records, "a period")
-        outputs, inputs = record.by_run()
+        outputs, inputs = one_record(records, "a period").by_run()
         assert inputs is not None
         period = find_period(inputs, None)
     except DataError:

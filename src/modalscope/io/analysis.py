@@ -76,8 +76,7 @@ def analysis_from(entries: Mapping[str, Any]) -> Analysis:
     try:
         # "refine" and "reciprocal" are missing where it was written before there was one
         given = {"refine": False, "reciprocal": False, **{name: _back(value) for name, value in entries.items()}}
-        files = tuple(made(SourceFile, file) for file in listed(given.pop("files", ())))
-        return Analysis(files=files, **given)
+        return Analysis(files=tuple(made(SourceFile, file) for file in listed(given.pop("files", ()))), **given)
     except DataError:
         raise
     except (KeyError, OverflowError, ValueError) as error:

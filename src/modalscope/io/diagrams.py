@@ -54,8 +54,7 @@ def diagram_contents(where: str, arrays: Mapping[str, Array]) -> Contents:
     with _checked(where):
         text = str(np.asarray(arrays[DIAGRAM])[()])
         room(where, 0).json(DIAGRAM, text)
-        rest = json.loads(text)
-        return _contents(where, rest, {name: a for name, a in arrays.items() if name != DIAGRAM})
+        return _contents(where, json.loads(text), {name: a for name, a in arrays.items() if name != DIAGRAM})
 
 
 def write_document(path: Path, diagram: StabilizationDiagram) -> None:

@@ -81,9 +81,7 @@ _PARTS_HERE = 8
 
 
 def _meshio(path: str, left: int, sheet: str) -> Answer:
-    meshio = import_module("meshio")
-
-    mesh = meshio.read(path)
+    mesh = import_module("meshio").read(path)
     points = np.asarray(mesh.points, float)
     points = np.pad(points, ((0, 0), (0, 3 - points.shape[1])))
     return {"kinds": [str(block.type) for block in mesh.cells]}, [

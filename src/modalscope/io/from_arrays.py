@@ -100,9 +100,11 @@ def _of_one_experiment(
     where: str, arrays: dict[str, Array], options: Options
 ) -> tuple[dict[str, Array], tuple[str, ...]]:
     """Return the arrays of the experiment that is asked, of several in one file, and what all share; and a note."""
-    found = experiments_of(arrays)
-    if not found:
-        return arrays, ()
+    found, likely = experiments_of(arrays), experiments_of(arrays, of_matrix=2)
+    if not found and (options.get("sheet") is None or not likely):
+        said = f"{', '.join(likely)[:60]} hold the same channels: taken as sensors of one test; if tests: --test {next(iter(likely), '')}"
+        return arrays, (said,) * bool(likely)
+    found = found or likely
     label = chosen(where, "experiments", found, list(found), options)
     others = set().union(*(names for other, names in found.items() if other != label))
     kept = {name: array for name, array in arrays.items() if name not in others}

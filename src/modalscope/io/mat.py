@@ -181,8 +181,7 @@ def _numbers(name: str, parts: list[Element], shape: tuple[int, ...], file: _Rea
     if len(data) != prod(shape) * word.itemsize:
         raise _Damaged(f"an array of shape {shape} has {len(data)} bytes of numbers")
     file.room.array(name, word, prod(shape))
-    values = np.frombuffer(data, word).reshape(shape, order="F")
-    return values.astype(word.newbyteorder("="))
+    return np.frombuffer(data, word).reshape(shape, order="F").astype(word.newbyteorder("="))
 
 
 def _characters(name: str, parts: list[Element], shape: tuple[int, ...], file: _Reading) -> Array:

@@ -196,11 +196,11 @@ def _apart(vectors: Sequence[Array], place: int) -> str:
     return ", ".join(dict.fromkeys(f"{array[place]:.6g}" for array in vectors[:_MAX_LISTED]))
 
 
-def experiments_of(arrays: Mapping[str, Array]) -> dict[str, set[str]]:
+def experiments_of(arrays: Mapping[str, Array], of_matrix: int = 1) -> dict[str, set[str]]:
     """Return the experiments of a file, each with the names of its arrays; none where there are not several.
 
     An experiment is a structure that holds the same arrays as another, more than one of them measured or of another length; or what is
-    called `run2` beside `run1`.
+    called `run2` beside `run1`. `of_matrix`: how many arrays one of several channels counts for: with 2 it may be a sensor of three axes.
 
     Examples
     --------
@@ -221,7 +221,8 @@ def experiments_of(arrays: Mapping[str, Array]) -> dict[str, set[str]]:
         inside = [frozenset(name.replace(label, "", 1) for name in names) for label, names in numbers.items()]
         measured = [_measured({name: arrays[name] for name in names}) for names in found.values()]
         rows = {max((max(a.shape) for a in vectors), default=0) for vectors in measured}
-        if len(found) > 1 and len(set(inside)) == 1 and min(map(len, measured)) >= (1 if len(rows) > 1 else least):
+        counts = [sum(of_matrix if a.ndim > 1 else 1 for a in vectors) for vectors in measured]
+        if len(found) > 1 and len(set(inside)) == 1 and min(counts) >= (1 if len(rows) > 1 else least):
             return found
     return {}
 

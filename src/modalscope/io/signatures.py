@@ -54,16 +54,13 @@ def told_by_bytes(path: Path) -> str:
         if (starts and head.startswith(starts)) or suffix in suffixes:
             fault = f"it is a file of {program}, in a form of its own"
             raise unreadable(path.name, fault, f"Export it there as {exports}.")
-    return ".txt" if _is_text(head) and len(_ROW.findall(head)) >= _MIN_ROWS else ""
+    text = head.startswith((b"\xff\xfe", b"\xfe\xff")) or not re.search(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]", head)
+    return ".txt" if text and len(_ROW.findall(head)) >= _MIN_ROWS else ""
 
 
 def replaces(told: str, suffix: str, known: bool) -> bool:
     """Whether what the bytes tell goes before the suffix: of text only where the suffix is unknown or one of no text."""
     return bool(told) and (not known or (told != ".zip" and (told != ".txt" or suffix in _BINARY)))
-
-
-def _is_text(head: bytes) -> bool:
-    return head.startswith((b"\xff\xfe", b"\xfe\xff")) or not re.search(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]", head)
 
 
 def _of_members(path: Path) -> str:

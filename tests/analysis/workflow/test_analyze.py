@@ -152,3 +152,13 @@ def test_the_demo_file_gives_its_modes_with_nothing_but_a_band() -> None:
     apart = np.abs(result.modes.frequencies[:, None] - known)
     assert np.all(apart.min(axis=1) < 1)
     assert np.all(apart.min(axis=0)[[0, 1, 3]] < 0.2)
+
+
+@pytest.mark.parametrize("channels", [1, 3])
+def test_runs_without_forces_are_identified_as_one_record(channels: int) -> None:
+    """Their lines refine modes run by run: they once were taken as one, which broke off."""
+    chain = ms.systems.chain5()
+    record = chain.simulate(inputs="ambient", samples=4000, sampling_rate=20.0, runs=2, noise=0.01, seed=5)
+    found = ms.analyze(record.select(outputs=list(range(channels))), orders=[10, 14, 18, 22, 26]).modes
+    assert len(found) >= 3
+    assert np.abs(found.frequencies[:, None] / chain.modes().frequencies - 1).min(axis=1).max() < 0.02

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
 from modalscope import identify
 from modalscope.identification.matrices.factor import factorize
 from modalscope.identification.matrices.transfer import transfer
+from modalscope.identification.modal.accuracy import _within_order
 from tests.support import FIVE, add_noise, match_poles, relative
 
 CELLS = [(m, d) for d in ("s", "z") for m in ("era", "alternate", "least_squares")]
@@ -64,3 +68,11 @@ def test_on_many_lines_some_are_compared() -> None:
     assert 500 < matrix.compared_lines.size <= 1000
     found = identify(frf, method="era", domain="s", order=10, block_rows=10).modes
     assert found.indicators["amplitude_coherence"].min() > 1 - 1e-6
+
+
+def test_a_pole_whose_shape_no_float_holds_leaves_the_others_as_they_are() -> None:
+    poles = 2j * np.pi * np.array([10.0, 20.0, 1e6])
+    modes: Any = SimpleNamespace(poles=poles, shapes=np.ones((1, 3)))
+    found = {"mpc": np.ones(3), "msv": np.array([2.0, 4.0, np.inf])}
+    _within_order(found, modes)
+    np.testing.assert_array_equal(found["msv"], [0.5, 1.0, np.nan])

@@ -13,6 +13,7 @@ from benchmarks.exports.verdict import dead_ends
 from modalscope.io import read, survey
 from modalscope.io.columns.axis import nearly_even, parts_of_second, sampling_of
 from modalscope.io.columns.clock import clock_of, resampled
+from modalscope.signals.doctor.examine import examine
 from tests.support import DATA, refused
 
 RATE, COUNT = 200.0, 2000
@@ -236,3 +237,26 @@ def test_values_beyond_all_measure_are_resampled_without_a_warning(tmp_path: Pat
     even = ms.read(exactly(tmp_path / "a.csv", times(jitter=0.1), motion(times())), resample="auto")
     huge = ms.read(exactly(tmp_path / "b.csv", times(jitter=0.1), 1e306 * motion(times())), resample="auto")
     np.testing.assert_allclose(huge.outputs / 1e306, even.outputs, rtol=1e-5, atol=1e-9)
+
+
+def test_a_clipped_record_stays_flat_when_it_is_resampled_and_is_told(tmp_path: Path) -> None:
+    t = times(jitter=0.05)
+    y = np.clip(1.5 * motion(t), -1, 1)  # three samples and more at the limit, at every peak
+    found = survey(table(tmp_path / "a.csv", t, y))
+    assert any("times are uneven" in note for note in found.notes)
+    assert np.abs(found.thing.outputs).max() == 1
+    assert {finding.kind for finding in examine(found.thing)} >= {"clipped"}
+    free, _ = resampled(t, 1.5 * motion(t), RATE)
+    assert np.abs(free).max() <= 1.5 + 1e-4
+
+
+@pytest.mark.parametrize("digits", [2, 3])
+def test_times_of_a_fixed_number_of_digits_are_even_though_they_lose_decimals(digits: int) -> None:
+    k = np.arange(3600)
+    printed = np.array([f"{value:.{digits}e}" for value in k * 2.5e-4]).astype(
+        float
+    )  # a spreadsheet's 2.50E-04 ... 8.99E-01
+    assert sampling_of(printed).rate == pytest.approx(4000, rel=1e-3)
+    printed[1000:] += 0.05
+    with pytest.raises(ms.DataError, match="leave the even grid"):
+        sampling_of(printed)

@@ -113,11 +113,27 @@ def test_a_record_that_may_be_lines_is_offered_with_the_force_that_others_follow
     assert not likeliest_force(columns[:2])[1]
 
 
-def test_a_hit_adds_to_a_name_of_a_force_in_an_odd_unit() -> None:
+def _struck() -> tuple[np.ndarray, np.ndarray]:
+    """A hit, and what rings on from it."""
     hit = np.zeros(400)
     hit[50:54] = (1, 5, 4, 1)
     ring = np.convolve(hit, np.exp(-0.02 * np.arange(300)) * np.sin(0.5 * np.arange(300)))[:400]
-    ring += 1e-3 * _RNG.standard_normal(400)
+    return hit, ring + 1e-3 * _RNG.standard_normal(400)
+
+
+def test_a_short_motion_that_is_called_one_as_the_others_are_is_no_force() -> None:
+    hit, ring = _struck()
+    for names, forces in (("Acc 1,Acc 2", None), ("ch1,ch2", ("ch2",))):
+        columns = [
+            Column(number=k, name=n, values=v)
+            for k, (n, v) in enumerate(zip(names.split(","), (ring, hit), strict=True), 1)
+        ]
+        record = contents_from_table(Table(where="a", columns=tuple(columns), rate=1e3), {}).thing
+        assert record.input_dofs == (forces or ())
+
+
+def test_a_hit_adds_to_a_name_of_a_force_in_an_odd_unit() -> None:
+    hit, ring = _struck()
     columns = (Column(number=1, name="F", unit="g", values=hit), Column(number=2, name="m_1", unit="g", values=ring))
     record = contents_from_table(Table(where="a", columns=columns, rate=1e3), {}).thing
     assert record.input_dofs == ("F",)

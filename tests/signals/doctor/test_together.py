@@ -120,8 +120,22 @@ def test_channels_of_one_event_are_named_after_their_files_and_repeats_are_not()
         ms.Signals(outputs=_RNG.standard_normal((4000, 1)), sampling_rate=100.0, output_dofs=["col1"]) for _ in range(3)
     ]
     assert as_one_event(alone, ["A", "B", "C"], [0.0] * 3)[1] == (said,)
+    clocks = [replace(part, sampling_rate=100 + 0.001 * k) for k, part in enumerate(alone)]
+    runs, (told,) = as_one_event(clocks, ["A", "B", "C"], [0.0] * 3)
+    assert {run.sampling_rate for run in runs} == {100.001}  # runs of recorders with clocks of their own
+    assert "taken as its runs at 100.001 Hz; if sensors" in told.text
     named = [replace(part, output_dofs=[name]) for part, name in zip(alone, "ABC", strict=True)]
     assert as_one_event(named, ["A", "B", "C"], [0.0] * 3)[1] == ()
+
+
+def test_files_of_one_name_are_named_after_their_folders(tmp_path: Path) -> None:
+    motion = np.cumsum(_RNG.standard_normal(4000)) * np.hanning(4000)
+    files = [tmp_path / sensor / "000.CSV" for sensor in ("deck", "pier")]
+    for file in files:
+        file.parent.mkdir()
+        rows = np.c_[np.arange(4000) / 100, motion + 0.1 * _RNG.standard_normal(4000)]
+        np.savetxt(file, rows, fmt="%.6f", delimiter=",")
+    assert opened(files, {})[0].output_dofs == ("deck", "pier")
 
 
 def _recorder(path: Path, k: int, begin: float, millionths: float) -> Path:

@@ -12,7 +12,7 @@ from modalscope.data.geometry import indices_of
 from modalscope.data.indicators import mac, with_indicators_of_shapes
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
-from modalscope.data.records import Signals
+from modalscope.data.records import Signals, runs_apart
 from modalscope.data.results import StabilizationDiagram
 from modalscope.data.setups import Setups
 from modalscope.data.shown import list_some
@@ -54,7 +54,7 @@ def with_lines_of_record(
     found = modes
     if isinstance(record, Signals):
         if refine:
-            found = refine_setups(Setups(parts=(record,), groups=None), found)
+            found = refine_setups(Setups(parts=tuple(runs_apart(record)), groups=None), found)
         if len(modes) and len(record.output_dofs) > 1:
             found = _with_shapes(found, line_shapes(record, found, machines))
     elif refine:

@@ -77,6 +77,7 @@ def merged_parts(
     from modalscope.io.file_names import said_by_names  # most tests are one file
 
     names = [Path(path).stem for path in data]
+    names = [Path(path).parent.name for path in data] if len(set(names)) == 1 else names  # a folder per sensor
     said = said_by_names(names)
     begins = [next((n.numbers["begins"] for n in notes if "begins" in n.numbers), 0.0) for _, _, notes in parts]
     held, together = _together([part for part, _, _ in parts], names, each, begins, said)
@@ -84,8 +85,8 @@ def merged_parts(
     merged, units = si_form(named[0] if len(named) == 1 else merge(named))
     merged, kind = _as_what_it_is(merged, decays, exclude)
     alike = _alike([note for _, _, read_notes in parts for note in read_notes])
-    told = dict.fromkeys([*alike, *together, *places, *units, *kind])
-    return merged, tuple(source for _, source, _ in parts), tuple(told)
+    told = tuple(dict.fromkeys([*alike, *together, *places, *units, *kind]))
+    return merged, tuple(source for _, source, _ in parts), told
 
 
 def _opened_as(data: Sequence[Any], each: Each, k: int, content: str | None) -> tuple[Opened, float]:
@@ -208,8 +209,7 @@ def _read(data: Any, reading: Mapping[str, Any]) -> tuple[Any, SourceFile, tuple
     with stage("reading"):
         found, source = survey(path, **reading), replace(source_of_file(path, reading), path=str(Path(data)))
     if isinstance(found.thing, ModalModel):
-        change = "Give a file of responses or records."
-        raise DataError(f"modes in {path}:", "the file contains modes already", change)
+        raise DataError(f"modes in {path}:", "the file contains modes already", "Give a file of responses or records.")
     if isinstance(found.thing, Geometry):
         left = ", ".join(dict.fromkeys(finding.kind for finding in found.left if finding.kind))
         raise DataError(

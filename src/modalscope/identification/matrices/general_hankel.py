@@ -168,8 +168,7 @@ class GeneralHankel(StructuredHankel):
     def first_rows(self, right: Array, k: int = 0) -> RealArray:
         """Return E_l' H(k) X of the uncompressed, unweighted first block row: C = E_l' H(0) Q d^-1/2 (Eqs. 28, 39)."""
         t, inputs = self.columns.entries
-        row = self._column_values[t + k, :, inputs]
-        return np.asarray(self.columns.apply(row).T @ right)
+        return np.asarray(self.columns.apply(self._column_values[t + k, :, inputs]).T @ right)
 
     def first_block_column(self, *, tall: bool = False) -> RealArray:
         """Return H(0) E_m, or that of `tall()`, with the inputs themselves: B of the companion forms (Eqs. 53, 54, 65)."""

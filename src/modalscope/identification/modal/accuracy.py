@@ -83,6 +83,7 @@ def indicators_of(matrix: DataMatrix, model: Triple, modes: Eigenmodes) -> dict[
     return indicators_of_all(matrix, [(model, modes)])[0]
 
 
+@np.errstate(over="ignore", invalid="ignore")  # a pole far outside may have a shape that no float holds
 def indicators_of_all(matrix: DataMatrix, parts: Sequence[Part]) -> list[dict[str, RealArray]]:
     """Return the accuracy indicators of several orders: what concerns one mode alone is computed for all of them at once.
 
@@ -113,8 +114,9 @@ def _within_order(found: dict[str, RealArray], modes: Eigenmodes) -> None:
             collinear[group] = cluster_mpc(modes.shapes[:, group])
     if "emac" in found:
         found["cmi"] = found["emac"] * collinear
-    if strength.size and strength.max() > 0:
-        found["msv"] = strength / strength.max()
+    known = np.where(np.isfinite(strength), strength, np.nan)
+    if np.nanmax(known, initial=0.0) > 0:
+        found["msv"] = known / np.nanmax(known)
 
 
 def _of_factors(matrix: DataMatrix, model: Triple, modes: Eigenmodes) -> dict[str, RealArray]:

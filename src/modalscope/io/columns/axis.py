@@ -89,7 +89,7 @@ def nearly_even(values: RealArray) -> bool:
 def grain_of(times: RealArray) -> float:
     """Return the power of ten that all times are multiples of: what their digits leave open; 0 where there is none.
 
-    Printed times may lose digits as they grow, so that both ends are asked.
+    Printed times may lose digits as they grow, so that both ends are asked, and every decade: 9.98E-01 has fewer than 2.50E-04.
 
     Examples
     --------
@@ -109,7 +109,9 @@ def grain_of(times: RealArray) -> float:
         return 0.0
 
     at_end = max(_MIN_TIMES_AT_END, min(_TIMES_AT_END, times.size // 8))
-    return max(of(times[:at_end]), of(times[-at_end:]))
+    decades = np.split(times, np.searchsorted(times, 10.0 ** np.arange(-_MAX_DECIMALS, _MAX_DECIMALS)))
+    parts = [times[-at_end:], *(part[:at_end] for part in decades if part.size >= _MIN_TIMES_AT_END)]
+    return max(map(of, (times[:at_end], *parts)))
 
 
 def in_epoch(times: Array) -> bool:

@@ -128,6 +128,10 @@ def resampled(times: RealArray, values: RealArray, rate: float) -> tuple[RealArr
     grid = times[0] + np.arange(int(np.floor((times[-1] - times[0]) * rate * (1 + 1e-9))) + 1) / rate
     size = np.frexp(np.abs(values).max())[1]  # slopes and squares of damaged numbers have no place in a float
     even = np.ldexp(CubicSpline(times, np.ldexp(values, -size))(grid), size)
+    for limit, nearer in ((values.max(axis=0), np.minimum), (values.min(axis=0), np.maximum)):
+        # three in a row: clipped, which is told as long as nothing overshoots
+        flat = np.any((values[2:] == limit) & (values[1:-1] == limit) & (values[:-2] == limit), axis=0)
+        even = np.where(flat, nearer(even, limit), even)
     missed = _missed(times, values)
     coarser = (times.size - 1) / (rate * (times[-1] - times[0]))
     return np.asarray(even), missed / 16 if missed <= _MAX_KNOWN_LOSS and coarser <= 1 + _COARSER else np.nan

@@ -309,16 +309,13 @@ def _of_relations(columns: Sequence[Column], weights: dict[int, Weights]) -> Ite
         part = max(weights[column.number].of(kind) for kind in ("real", "imag", "phase")) > 0
         if not part and are_lengths(column.values):
             yield column, "ignore", 2 * SURE, "it is the magnitude of the others"
-        if _is_whole(column) and not kind_of_unit(column.unit) and len(signed) == len(measured) - 1 > 0:
+        counts = np.array_equal(column.values, np.rint(column.values))  # as numbers of features or satellites do
+        if counts and not kind_of_unit(column.unit) and len(signed) == len(measured) - 1 > 0:
             yield column, "ignore", WORD, "it counts: whole numbers, none below zero"
     hit = _hit(measured)
-    if hit is not None and not any(_is_force(weights[c.number]) for c in columns if c.number != hit.number):
+    forces = [c for c in columns if hit is not None and c.number != hit.number and _is_force(weights[c.number])]
+    if hit is not None and not forces and {meaning for meaning, _ in meanings_of(hit.name)} != {"sensor"}:
         yield hit, "in", WORD, "it is a hit that the others answer"
-
-
-def _is_whole(column: Column) -> bool:
-    """Whether values are whole numbers of which none is negative, as numbers of features or satellites are."""
-    return bool(np.min(column.values) >= 0 and np.array_equal(column.values, np.rint(column.values)))
 
 
 def _of_drives(columns: Sequence[Column], weights: dict[int, Weights]) -> Iterator[Relation]:

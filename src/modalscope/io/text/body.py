@@ -99,7 +99,7 @@ def read_body(
         if whole and odd:
             break
     _check_last(where, odd, last, width, dialect)
-    return _joined(pieces), _notes(odd, last)
+    return [np.concatenate(column) for column in zip(*pieces, strict=True)], _notes(odd, last)
 
 
 def _rows_of(
@@ -168,10 +168,6 @@ def _notes(odd: Sequence[tuple[int, str]], last: int) -> list[str]:
 
 def _none(kinds: Sequence[str]) -> list[Array]:
     return [np.zeros(0, "U1" if kind in ("text", "stamp", "name") else float) for kind in kinds]
-
-
-def _joined(pieces: list[list[Array]]) -> list[Array]:
-    return [np.concatenate(column) for column in zip(*pieces, strict=True)]
 
 
 def _fast(piece: list[tuple[int, str]], kinds: Sequence[str], dialect: Dialect, width: int) -> list[Array] | None:

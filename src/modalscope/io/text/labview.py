@@ -72,8 +72,7 @@ def labview_contents(where: str, lines: Iterable[Line], space: Room, options: Op
     if not tables:
         fault = "it holds no rows of numbers"
         raise unreadable(f"{where} as a LabVIEW measurement file", fault, "Save the measurement again.")
-    joined = _joined(tables)
-    contents = [contents_from_table(table, options) for table in joined]
+    contents = [contents_from_table(table, options) for table in _joined(tables)]
     if len(contents) == 1:
         return contents[0]
     thing = stacked_runs(where, [record.thing for record in contents])

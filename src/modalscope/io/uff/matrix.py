@@ -188,8 +188,7 @@ def sort_frequency(
     if quantity is None and options.get("quantity") is None:
         out.notes.append("the quantity of the responses is not known: give quantity= when it matters")
     coherence = _coherence(coherences, group[0], outputs, inputs, out)
-    x = group[0].x
-    out.thing = FrequencyResponse(frequencies=x, quantity=quantity, coherence=coherence, **fields)
+    out.thing = FrequencyResponse(frequencies=group[0].x, quantity=quantity, coherence=coherence, **fields)
     return out
 
 

@@ -92,8 +92,7 @@ def as_one_event(
     usual, shift = float(np.median(rates)), start - start[0]
     first, last = shift.max(), float(np.min(shift + (samples - 1) / rates))
     own = np.ptp(rates) > 0 or np.ptp(shift) * usual > _SAME_LINE
-    share = _MIN_COMMON * float(np.min(samples / rates))
-    if np.any(abs(rates / usual - 1) > _SAME_CLOCK) or last - first < share:
+    if np.any(abs(rates / usual - 1) > _SAME_CLOCK) or last - first < _MIN_COMMON * float(np.min(samples / rates)):
         return list(parts), ()
     on = [p.by_run()[0][0] for p in parts]
     if own:
@@ -102,11 +101,12 @@ def as_one_event(
         own_times = [s + np.arange(len(y)) / rate for s, rate, y in zip(shift, rates, on, strict=True)]
         times = first + np.arange(int((last - first) * usual)) / usual
         on = [np.asarray(CubicSpline(t, y)(times)) for t, y in zip(own_times, on, strict=True)]
-    dated = own and start.min() > _DATES
     bare = all(_NO_NAME.match(p.output_dofs[0]) for p in parts) or kind_of_test(parts[0].by_run()[0], None) == "ambient"
-    if not dated and (runs or not bare or not _coherent([y[:, 0] for y in on])):
-        said = f"{len(parts)} files of one channel, taken as its runs; if sensors of one event: {labels_option(len(parts), 'output')}"
-        return list(parts), (Note("file", {}, said),) if len({p.output_dofs for p in parts}) == 1 else ()
+    if not (own and start.min() > _DATES) and (runs or not bare or not _coherent([y[:, 0] for y in on])):
+        one = len({p.output_dofs for p in parts}) == 1
+        runs_of = f"taken as its runs{f' at {usual:.6g} Hz' if np.ptp(rates) else ''}"
+        said = f"{len(parts)} files of one channel, {runs_of}; if sensors of one event: {labels_option(len(parts), 'output')}"
+        return [replace(p, sampling_rate=usual) if one else p for p in parts], (Note("file", {}, said),) * one
     text = f"{len(parts)} files of one channel, taken as sensors of one event and named after their files"
     text += "" if np.ptp(rates) else " (if they are runs: --output-dofs 1)"
     if own:
