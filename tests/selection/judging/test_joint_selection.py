@@ -22,6 +22,7 @@ from modalscope.selection.judging.joint_selection import (
     select_jointly,
     significant_peaks,
 )
+from modalscope.selection.judging.recount import recount_of
 from modalscope.selection.judging.selection_problem import SelectionProblem
 from modalscope.selection.judging.tracking import ONE_SHAPE, collinear
 from modalscope.selection.likelihood.covariance import deviations_of_poles, pole_blocks
@@ -87,17 +88,6 @@ def test_what_noise_explains_at_its_best_place_stays_below_the_bound() -> None:
         assert ends(selection, []).size == 0
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_two_of_one_shape_are_parted_though_one_in_their_place_leaves_no_peak(seed: int) -> None:
-    """What one pole leaves of two is of second order in their distance: both together tell it from noise, not the peak that it makes."""
-    noise, R, apart = 0.06, np.outer(SHAPES[:, 0], PARTS[0]), -0.5j * POLES[0].real
-    response = made([(R, POLES[0] - apart), (R, POLES[0] + apart)], noise, seed)
-    selection = SelectionProblem(problem_of(response, noise), 1.0, search_bound(3, 2, 2 * F.size), (5.0, 25.0))
-    found = select_jointly(selection, POLES[[0]], PARTS[[0]].astype(complex))
-    assert found is not None
-    assert found.poles.size == 2
-
-
 @pytest.mark.slow
 def test_noise_of_one_channel_that_is_louder_than_its_levels_makes_no_mode(monkeypatch: pytest.MonkeyPatch) -> None:
     arenas = []
@@ -129,13 +119,13 @@ def test_the_noise_beneath_a_mode_is_that_of_the_channels_it_rests_on() -> None:
 
 
 @pytest.mark.parametrize(("part", "computed"), [(1 - NUDGE, True), (1 + NUDGE, False)])
-def test_what_is_left_of_computed_data_has_no_colour(
+def test_what_rounding_leaves_of_computed_data_has_no_colour(
     part: float, computed: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     problem = selection_of(data())
     state = State(descend(problem.problem, POLES[:3], PARTS[:3].astype(complex)), problem.variance, problem)
     left = float(np.sqrt(state.descent.cost / problem.problem.size))
-    monkeypatch.setattr(joint_selection, "_MAX_COMPUTED", left / part)
+    monkeypatch.setattr(joint_selection, "_ROUNDING_OF_FIT", left / part)
     assert (_excess(state) == 0) is computed
 
 
@@ -346,19 +336,30 @@ def test_what_cannot_be_a_mode_is_far_outside_the_band_damped_or_narrower_than_a
 def test_a_peak_of_an_earlier_round_goes_when_a_later_one_leaves_it_nothing() -> None:
     selection = selection_of(data((0, 1, 3)), coloured=True)
     two = descend(selection.problem, POLES[:2], PARTS[:2].astype(complex))
-    state = State(two, selection.variance, selection)
+    state, before = State(two, selection.variance, selection), recount_of(selection, two)
     # in the first round a peak was added at 15 Hz, where there is nothing; in the second the mode at 18 Hz
     poles = np.append(POLES[:2], [poles_from(15.0, 0.01), POLES[3]])
     sides = PARTS[[0, 1, 2, 3]].astype(complex)
-    found = _with_significant_peaks(state, (poles, sides), np.array([0, 0, 1, 2]), 2)
+    found = _with_significant_peaks(state, before, (poles, sides), np.array([0, 0, 1, 2]), 2)
     assert found is not None
     assert found[2].tolist() == [0, 0, 2]
     assert close(np.sort_complex(found[0].poles), POLES[[0, 1, 3]])
     # nothing of the last round is left: the state before stands
-    assert _with_significant_peaks(state, (poles[[0, 1, 3, 2]], sides), np.array([0, 0, 1, 2]), 2) is None
+    assert _with_significant_peaks(state, before, (poles[[0, 1, 3, 2]], sides), np.array([0, 0, 1, 2]), 2) is None
     # so it does where all of them leave during the descent, and not at the test: such a round came again, up to eight times
     gone = np.array([*poles[[0, 1, 3]], poles_from(40.0, 0.01)])  # far outside the band
-    assert _with_significant_peaks(state, (gone, sides[[0, 1, 3, 2]]), np.array([0, 0, 1, 2]), 2) is None
+    assert _with_significant_peaks(state, before, (gone, sides[[0, 1, 3, 2]]), np.array([0, 0, 1, 2]), 2) is None
+    # with a pole of the state that was nothing, what its leaving makes of the others is kept; with one that was significant it is not
+    outside = np.array([*POLES[:2], *gone[[3, 3]]])
+    three = descend(selection.problem, np.append(POLES[:2], gone[3]), PARTS[:3].astype(complex), most=0)
+    for held, kept in (
+        (recount_of(selection, three), True),
+        (SimpleNamespace(relative_gains=lambda which: 2 + which), False),
+    ):
+        fewer = _with_significant_peaks(
+            State(three, selection.variance, selection), held, (outside, sides), np.array([0, 0, 0, 1]), 1
+        )
+        assert (fewer is not None) is kept
 
 
 def test_below_two_bars_a_mode_that_stands_alone_is_in_doubt() -> None:

@@ -81,8 +81,11 @@ def test_data_without_noise_have_their_modes_and_no_others(seed: int) -> None:
     assert found.spurious == 0
 
 
-def test_the_share_of_the_residual_counts_all_channels_alike() -> None:
-    floor, even = floor_of(data(), POLES), np.outer(*levels_of_channels(data().values))
+@pytest.mark.parametrize(("part", "computed"), [(1 - NUDGE, True), (1 + NUDGE, False)])
+def test_a_millionth_of_the_data_is_no_noise_of_a_measurement(part: float, computed: bool) -> None:
+    floor = floor_of(data(), POLES)
+    assert likely._computed(replace(floor, share=(1e-6 * part) ** 2)) is computed
+    even = np.outer(*levels_of_channels(data().values))
     assert floor.share == pytest.approx(np.sum((floor.left / even) ** 2) / np.sum((floor.data / even) ** 2))
 
 

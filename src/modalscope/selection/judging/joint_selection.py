@@ -180,12 +180,6 @@ MAX_EXCESS_RATIO = 0.7
 #: Or what is left must fall to this part: a strong mode was missing, and what hid behind it shows only now.
 _MAX_MISFIT_RATIO = 0.1
 
-#: Residuals below this part of the data are no noise of a measurement, as a converter of 20 bits rounds to as much: data were computed.
-_MAX_COMPUTED = 1e-6
-
-#: Distance, in half bandwidths, of each of two poles that replace one in a trial. Where the descent starts is a choice: it moves both.
-_SPLIT_HALF_BANDWIDTHS = 0.5
-
 #: Fraction of the threshold at which a pole is tried that was not refined yet, since refinement with the others increases its gain.
 _UNREFINED_FRACTION = 0.5
 
@@ -253,7 +247,7 @@ def select_jointly(
         completed = _completed(state, _excess(state) if doubted else None)
         if completed is None:
             return None
-        state = _split_where_needed(completed)
+        state = completed
     state = _without_redundant(state)
     if not selection.coloured:
         state = _above_channel_noise(state)
@@ -313,7 +307,8 @@ def _completed_in_coloured_errors(state: State) -> tuple[State, Recount]:
     for number in range(1, _MAX_ROUNDS + 1):
         poles, sides = recount.peaks(_PEAKS_PER_ROUND)
         candidates = np.append(state.poles, poles), np.vstack([state.sides, sides])
-        trial = _with_significant_peaks(state, candidates, np.append(rounds, np.full(len(poles), number)), number)
+        known = np.append(rounds, np.full(len(poles), number))
+        trial = _with_significant_peaks(state, recount, candidates, known, number)
         if trial is None:
             break
         state, recount, rounds = trial
@@ -321,36 +316,39 @@ def _completed_in_coloured_errors(state: State) -> tuple[State, Recount]:
 
 
 def _with_significant_peaks(
-    state: State, candidates: tuple[ComplexArray, ComplexArray], rounds: IntArray, last: int
+    state: State, before: Recount, candidates: tuple[ComplexArray, ComplexArray], rounds: IntArray, last: int
 ) -> tuple[State, Recount, IntArray] | None:
     """Refine poles jointly and remove peaks until all that remain are significant; return None if no peak of the last round remains.
 
     The peaks of the last round are tested first. Then the weakest of all is removed, one at a time, since another may become significant
-    without it.
+    without it. Where none remains the state stands, unless others left with them none of which was significant.
 
-    `candidates`: poles (n,) and sides (n, p). `rounds` (n,): in which each was added; those of round zero are not tested here.
-    `last`: the last round.
+    `before`: of the state. `candidates`: poles (n,) and sides (n, p), those of the state first. `rounds` (n,): in which each was added;
+    those of round zero are not tested here. `last`: the last round.
     """
+    which = np.arange(len(rounds))
     while np.any(rounds == last):
         descent = _refine(state.selection, *candidates, _BRIEF_ROUND)
-        point, rounds = descent.point, rounds[descent.kept]
+        point, rounds, which = descent.point, rounds[descent.kept], which[descent.kept]
         recount, added = recount_of(state.selection, descent), np.flatnonzero(rounds)
         ratio, new = recount.relative_gains(added), rounds[added] == last
         gone = added[new][~significant_peaks(point.poles[added[new]], ratio[new])]
         if not gone.size:
             gone = added[ratio <= min(1.0, ratio.min(initial=np.inf))]
         if not gone.size:
-            return (State(descent, state.variance, state.selection), recount, rounds) if new.any() else None
+            left = np.setdiff1d(np.arange(len(state.poles)), which)
+            better = new.any() or (left.size and np.all(before.relative_gains(left) <= 1))
+            return (State(descent, state.variance, state.selection), recount, rounds) if better else None
         kept = np.setdiff1d(np.arange(len(rounds)), gone)
-        candidates, rounds = (point.poles[kept], point.sides[kept]), rounds[kept]
+        candidates, rounds, which = (point.poles[kept], point.sides[kept]), rounds[kept], which[kept]
         del descent, point, recount  # before the next take their room
     return None
 
 
 def _excess(state: State) -> float:
-    """Return the excess of the residual over white noise, 1 for white noise; 0 where it is too small for a measurement's."""
+    """Return the excess of the residual over white noise, 1 for white noise; 0 where it is rounding."""
     point = state.descent.point
-    if state.descent.cost < _MAX_COMPUTED**2 * point.problem.size:
+    if state.descent.cost < _ROUNDING_OF_FIT**2 * point.problem.size:
         return 0.0
     unknowns = point.problem.terms.shape[1] + 2 * len(state.poles)
     errors = residual(point, state.descent.fitted)
@@ -390,34 +388,6 @@ def _with_peaks(state: State, examined: ComplexArray) -> tuple[tuple[ComplexArra
     poles = np.array([peak.pole for peak in peaks], dtype=complex)
     sides = np.array([peak.participation for peak in peaks], dtype=complex).reshape(-1, point.sides.shape[1])
     return (np.append(state.poles, poles), np.vstack([state.sides, sides])), poles
-
-
-def _split_where_needed(state: State) -> State:
-    """Replace one pole by two if that lowers the squared misfit by more than noise may.
-
-    If one pole is fitted to two of the same shape, the residual is of second order in their distance and shows no peak.
-    """
-    for pole in state.poles[np.argsort(-state.gain)]:
-        j = int(np.argmin(np.abs(state.poles - pole)))
-        least = state.selection.bar * state.variance
-        poles, sides = _two_for(state, j)
-        point = state.selection.problem.at(poles, sides, slopes=False)
-        reduction = state.descent.cost - point.cost(point.fitted())
-        if state.gain[j] < state.selection.bar or reduction < _UNREFINED_FRACTION * least:
-            continue
-        limit = state.descent.cost - least
-        other = _refine(state.selection, poles, sides, _TRIAL, limit)
-        if other.cost < limit:
-            state = converged(state.selection, state.variance, other.point.poles, other.point.sides)
-    return state
-
-
-def _two_for(state: State, j: int) -> tuple[ComplexArray, ComplexArray]:
-    """Return poles and sides with two poles in place of pole j, one to either side in frequency."""
-    distance = -1j * _SPLIT_HALF_BANDWIDTHS * state.poles[j].real
-    poles = np.append(state.poles, state.poles[j] - distance)
-    poles[j] += distance
-    return poles, np.vstack([state.sides, state.sides[[j]]])
 
 
 def _without_redundant(state: State) -> State:

@@ -452,6 +452,9 @@ _TIE = 1e-6
 #: MAC above which a single pole shows a mode of its frequency: nearer to it than to a right angle.
 _SHOWN_MAC = 0.5
 
+#: Residuals below this part of the data are no noise of a measurement: a converter of 20 bits rounds to as much.
+_MAX_COMPUTED = 1e-6
+
 #: Above this ratio of noise to data, fast least squares (without orthogonalization) are accurate enough.
 _MIN_NOISE_RATIO = 1e-4
 
@@ -485,7 +488,7 @@ def contest(diagram: StabilizationDiagram, poles: Poles, others: Sequence[Poles]
         return select_jointly(selection, start.pole - added, sides, doubted=doubted)
 
     held, floor = beside(), floor_of(response, rich - added)
-    if not floor.colour.coloured:
+    if not floor.colour.coloured or _computed(floor):
         floor = floor.judged()
         selection = _problem_of(response, floor, held)
         return Contest(selection, outcome(selection, False))
@@ -565,6 +568,11 @@ def _problem_of(response: Response, floor: Floor, steady: ComplexArray) -> Selec
     return SelectionProblem(
         problem, floor.variance, bar, response.span, correlation=floor.correlation, window=floor.window
     )
+
+
+def _computed(floor: Floor) -> bool:
+    """Return whether the residual is less than any measurement leaves: data were computed, and poles are as good as rounding lets them."""
+    return floor.share < _MAX_COMPUTED**2
 
 
 def _whole(selection: SelectionProblem, floor: Floor) -> RealArray:
