@@ -90,6 +90,7 @@ RULES = {
     "joint: each round whitens": Rule(joint_selection, "MAX_EXCESS_RATIO", np.inf),
     "joint: a strong mode was missing": Rule(joint_selection, "_MAX_MISFIT_RATIO", 0.0),
     "joint: levels divided anew": Rule(joint_selection, "_levelled", _same),
+    "joint: one pole or two": Rule(joint_selection, "_split_where_needed", _same),
     "joint: weak poles fitted without": Rule(joint_selection, "_without_redundant", _same),
     "joint: noise of the channels of a mode": Rule(joint_selection, "_above_channel_noise", _same),
     "joint: lines around a weak mode": Rule(joint_selection, "_MAX_LOCAL", 0.0),

@@ -88,6 +88,17 @@ def test_what_noise_explains_at_its_best_place_stays_below_the_bound() -> None:
         assert ends(selection, []).size == 0
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_two_of_one_shape_are_parted_though_one_in_their_place_leaves_no_peak(seed: int) -> None:
+    """What one pole leaves of two is of second order in their distance: both together tell it from noise, not the peak that it makes."""
+    noise, R, apart = 0.06, np.outer(SHAPES[:, 0], PARTS[0]), -0.5j * POLES[0].real
+    response = made([(R, POLES[0] - apart), (R, POLES[0] + apart)], noise, seed)
+    selection = SelectionProblem(problem_of(response, noise), 1.0, search_bound(3, 2, 2 * F.size), (5.0, 25.0))
+    found = select_jointly(selection, POLES[[0]], PARTS[[0]].astype(complex))
+    assert found is not None
+    assert found.poles.size == 2
+
+
 @pytest.mark.slow
 def test_noise_of_one_channel_that_is_louder_than_its_levels_makes_no_mode(monkeypatch: pytest.MonkeyPatch) -> None:
     arenas = []

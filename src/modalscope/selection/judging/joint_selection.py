@@ -180,6 +180,9 @@ MAX_EXCESS_RATIO = 0.7
 #: Or what is left must fall to this part: a strong mode was missing, and what hid behind it shows only now.
 _MAX_MISFIT_RATIO = 0.1
 
+#: Distance, in half bandwidths, of each of two poles that replace one in a trial. Where the descent starts is a choice: it moves both.
+_SPLIT_HALF_BANDWIDTHS = 0.5
+
 #: Fraction of the threshold at which a pole is tried that was not refined yet, since refinement with the others increases its gain.
 _UNREFINED_FRACTION = 0.5
 
@@ -247,7 +250,7 @@ def select_jointly(
         completed = _completed(state, _excess(state) if doubted else None)
         if completed is None:
             return None
-        state = completed
+        state = _split_where_needed(completed)
     state = _without_redundant(state)
     if not selection.coloured:
         state = _above_channel_noise(state)
@@ -304,11 +307,10 @@ def _completed_in_coloured_errors(state: State) -> tuple[State, Recount]:
     """
     recount = recount_of(state.selection, state.descent)
     rounds = np.zeros(len(state.poles), dtype=int)  # in which each pole was added; zero for those of the diagram
-    for number in range(1, _MAX_ROUNDS + 1):
+    for k in range(1, _MAX_ROUNDS + 1):
         poles, sides = recount.peaks(_PEAKS_PER_ROUND)
         candidates = np.append(state.poles, poles), np.vstack([state.sides, sides])
-        known = np.append(rounds, np.full(len(poles), number))
-        trial = _with_significant_peaks(state, recount, candidates, known, number)
+        trial = _with_significant_peaks(state, recount, candidates, np.append(rounds, np.full(len(poles), k)), k)
         if trial is None:
             break
         state, recount, rounds = trial
@@ -388,6 +390,27 @@ def _with_peaks(state: State, examined: ComplexArray) -> tuple[tuple[ComplexArra
     poles = np.array([peak.pole for peak in peaks], dtype=complex)
     sides = np.array([peak.participation for peak in peaks], dtype=complex).reshape(-1, point.sides.shape[1])
     return (np.append(state.poles, poles), np.vstack([state.sides, sides])), poles
+
+
+def _split_where_needed(state: State) -> State:
+    """Replace one pole by two, one to either side in frequency, if that lowers the squared misfit by more than noise may.
+
+    If one pole is fitted to two of the same shape, the residual is of second order in their distance and shows no peak.
+    """
+    least = state.selection.bar * state.variance
+    for pole in state.poles[np.argsort(-state.gain)]:
+        j = int(np.argmin(np.abs(state.poles - pole)))
+        distance, cost = -1j * _SPLIT_HALF_BANDWIDTHS * state.poles[j].real, state.descent.cost
+        poles, sides = np.append(state.poles, state.poles[j] - distance), np.vstack([state.sides, state.sides[[j]]])
+        poles[j] += distance
+        point = state.selection.problem.at(poles, sides, slopes=False)
+        if state.gain[j] < state.selection.bar or cost - point.cost(point.fitted()) < _UNREFINED_FRACTION * least:
+            continue
+        other = _refine(state.selection, poles, sides, _TRIAL, cost - least)
+        if other.cost < cost - least:
+            state = converged(state.selection, state.variance, other.point.poles, other.point.sides)
+            least = state.selection.bar * state.variance
+    return state
 
 
 def _without_redundant(state: State) -> State:

@@ -108,12 +108,9 @@ def spread_of(settled: Settled, poles: ComplexArray, response: Response, groups:
         by_output, by_input = (wandering(*white, each) for each in _by_side(point, fitted, C, poles))
         lower = np.fmin(lower, lower_damping_of_channels(poles, by_output + by_input))
         shapes = np.hypot(shapes, _of_shifts(point, fitted, poles, by_output))
-    if between is None or groups is None:
-        return Spread(
-            variances[0] ** 0.5, variances[1] ** 0.5, np.where(opened, 0, degrees).T, lower, shapes, None, None
-        )
-    apart = _of_poles(poles, between, point)
-    degrees = degrees_of_wider(np.sqrt(variances), degrees, apart, len(set(groups)))
+    apart = (None, None) if between is None else tuple(_of_poles(poles, between, point))
+    if between is not None and groups is not None:
+        degrees = degrees_of_wider(np.sqrt(variances), degrees, np.array(apart), len(set(groups)))
     return Spread(variances[0] ** 0.5, variances[1] ** 0.5, np.where(opened, 0, degrees).T, lower, shapes, *apart)
 
 
