@@ -53,7 +53,7 @@ def measure(
     taken = "correlation" if measured.response.ambient else measured.route
     if asked not in ("auto", taken) or (delays and measured.delays is None):
         what = f"delays={delays!r}" if asked in ("auto", taken) else f"route={asked!r}"
-        ways = {"correlation": ("without inputs", "Omit it, or leave the inputs of a file out: --ignore NAME")}
+        ways = {"correlation": ("without inputs", "Omit it, or leave the columns of the inputs out.")}
         needed, remedy = ways.get(asked, ("with inputs", "Omit it."))
         raise DataError(f"{what}:", f"the data are {measured.given}, not records {needed}", remedy)
     if reciprocal and not measured.response.exchanged:

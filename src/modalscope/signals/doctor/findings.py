@@ -66,7 +66,7 @@ ROWS = {
         "{longer}, or give exponential=0.01, which is corrected for in the damping."),
     "low coherence": (
         "coherence {explained:.2f} at its resonances",
-        "Look for overloaded hits, noise, short segments, or forces that were not measured (leave out those that were: --ignore NAME)."),
+        "Look for overloaded hits, noise, short segments, or forces that were not measured (then leave out those that were)."),
     "reciprocity": (
         "reciprocal responses differ by {percent:.0f} %",
         "Check labels, directions and calibration of these points; nonlinear structures do it, too."),
