@@ -32,7 +32,7 @@ from modalscope.selection.judging.selection_problem import SelectionProblem
 from modalscope.selection.likelihood import descent, reference_model, settling
 from tests.selection.judging import any_ambient
 from tests.selection.judging.ambient_records import beside_a_machine, random_structure as ambient_structure
-from tests.selection.judging.coloured import coloured_response, white_errors
+from tests.selection.judging.coloured import coloured_response, unit_errors, white_errors
 from tests.selection.judging.hard import Structure, frequency_response, impulse_response, lines_of, random_structure
 from tests.selection.judging.narrow import narrow_case
 from tests.selection.judging.pairs import structure_with_pair
@@ -93,7 +93,6 @@ RULES = {
     "joint: one pole or two": Rule(joint_selection, "_split_where_needed", _same),
     "joint: weak poles fitted without": Rule(joint_selection, "_without_redundant", _same),
     "joint: noise of the channels of a mode": Rule(joint_selection, "_above_channel_noise", _same),
-    "joint: lines around a weak mode": Rule(joint_selection, "_MAX_LOCAL", 0.0),
     "joint: tried at half of the bar": Rule(joint_selection, "_UNREFINED_FRACTION", 1.0),
     "joint: variance of the fit": Rule(joint_selection, "variance_of_fit", lambda selection, _: selection.variance),
     "joint: collinear neighbours stay": Rule(joint_selection, "collinear", _no_pairs),
@@ -126,7 +125,6 @@ RULES = {
     "copies: rank of one pole": Rule(copies._Cluster, "_rank", lambda *_: 1),
     "copies: several modes that shift": Rule(copies._Cluster, "_next", _none_that_shift),
     "hosts: collinear parts": Rule(verdict, "collinear", _no_pairs),
-    "hosts: overlapping uncertain poles": Rule(verdict, "overlap", lambda s, _: _no_pairs(s)),
     # verdict
     "verdict: poles outside the band": Rule(verdict, "out_of_band_poles", _no_poles),
     "verdict: poles beside": Rule(verdict, "needed_beside", _no_poles),
@@ -287,6 +285,22 @@ def _triple(seed: int) -> Case:
     return _known(structure, frequency_response(structure, 40, seed, lines=1500)[0])
 
 
+def _repeated(coloured: bool) -> Callable[[int], Case]:
+    """One mode of some twice, with another shape at the same pole: white noise of 40 dB, or errors of 1 % that are smooth over lines."""
+
+    def case(seed: int) -> Case:
+        rng = np.random.default_rng([seed, 82])
+        f = 40 * np.cumprod(1 + rng.uniform(0.1, 0.4, int(rng.integers(3, 7))))
+        poles = poles_from(f, 10 ** rng.uniform(-2.7, -1.6, len(f)))
+        poles = np.append(poles, rng.choice(poles))
+        structure = _free_shapes(rng, poles, np.ones(len(poles)), (int(rng.integers(3, 9)), int(rng.integers(2, 5))))
+        response = frequency_response(structure, 60 if coloured else 40, seed, lines=1200)[0]
+        H = response.values * (1 + 0.01 * coloured * unit_errors(rng, response.values.shape, 9))
+        return _known(structure, ms.FrequencyResponse(values=H, frequencies=response.frequencies))
+
+    return case
+
+
 def _weak(seed: int) -> Case:
     """Two modes 20 to 50 dB weak beside others, errors of .3 to 3 % of the response, line by line."""
     rng = np.random.default_rng([seed, 78])
@@ -417,6 +431,8 @@ CASES: dict[str, Callable[[int], Case]] = {
     ),
     "close pairs of one shape": _alike_pair,
     "close triples": _triple,
+    "repeated modes": _repeated(False),
+    "repeated modes, coloured": _repeated(True),
     "modes behind stronger ones": _hidden,
     "channels of unlike noise": _loud_channels,
     "noise": _noise,

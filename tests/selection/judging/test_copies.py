@@ -18,6 +18,8 @@ from modalscope.selection.likelihood.descent import descend
 from modalscope.selection.likelihood.information import residual, residual_of
 from modalscope.selection.likelihood.likelihood import unit_vectors, whitened
 from modalscope.systems import chain5
+from tests.selection.judging.ablation import CASES
+from tests.selection.judging.hard import Structure
 from tests.selection.judging.made import NUDGE
 from tests.selection.judging.shifted import KINDS, missed_and_false, shifted_response, shifted_structure
 from tests.studies import Study
@@ -171,8 +173,32 @@ def test_repeated_modes_are_two_and_a_mode_split_at_one_frequency_is_one() -> No
     recount = recounted(made, np.array([POLE, POLE + 0.01j]), noise=0.05)
     (which,) = clusters_of(recount.descent.point.poles)
     assert len(_Cluster(recount, which).modes(recount.bar, ALONE).poles) == 2
+    found = copies_of(recount)
+    assert found is not None
+    assert found.repeated.all()
+    assert found.host.tolist() == [0, 1]
     alone = recounted(shifting(u, v, *none), np.array([POLE, POLE + 0.01j]), noise=0.05, part=v)
     assert len(_Cluster(alone, which).modes(alone.bar, ALONE).poles) == 1
+    one = copies_of(alone)
+    assert one is not None
+    assert not one.repeated.any()
+
+
+def test_repeated_modes_in_coloured_errors_are_both_listed() -> None:
+    """With free residues either explains what both do, so that neither is significant beside the other."""
+    case = CASES["repeated modes, coloured"](75007)
+    listed = ms.select(ms.stabilize(case.data))
+    assert missed_and_false(Structure(case.poles, np.zeros((len(case.poles), 1, 1)), ""), listed) == (0, 0)
+
+
+@pytest.mark.parametrize("place", [0.01, 0.5, 0.99])
+def test_poles_much_narrower_than_a_line_have_forty_lines_around_them(place: float) -> None:
+    (u, v), none = random_sides(0), (np.zeros(6), np.zeros(3))
+    s = complex(-1e-4, 2 * np.pi * np.quantile(GRID, place))
+    recount = recounted(shifting(u, v, *none), np.array([s, s + 1e-5j]), part=v)
+    lines = _Cluster(recount, np.array([0, 1])).lines
+    assert lines.stop - lines.start == 40
+    assert lines.start <= np.searchsorted(GRID, s.imag / (2 * np.pi)) <= lines.stop
 
 
 @pytest.mark.parametrize("seed", range(3))

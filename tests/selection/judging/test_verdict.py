@@ -255,7 +255,7 @@ def shifting(factor: float) -> tuple[SelectionResult, list[np.ndarray]]:
     groups = [np.flatnonzero(np.abs(poles.pole - s) < 1e-9) for s in dict.fromkeys(poles.pole)]
     contest = Contest(selection, found)
     contest.__dict__["copies"] = Copies(
-        np.array([0, 1, 2, 3, 3]), found.poles, np.array([1e-3, 0]), ("",) * 4 + ("it shifts",)
+        np.array([0, 1, 2, 3, 3]), found.poles, np.zeros(5, bool), np.array([1e-3, 0]), ("",) * 4 + ("it shifts",)
     )
     return SelectionResult(diagram, poles, evidence_of(diagram), contest), groups
 

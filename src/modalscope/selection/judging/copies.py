@@ -69,11 +69,13 @@ class Copies:
 
     `poles` (n,): where each lies, of a mode with copies its pole in the fit of the modes alone. `shifts` (2,): by which part of their
     frequency modes that shift scatter from row to row and from column to column, in the median. `whys` (n,): of copies why they are some,
-    in words.
+    in words. `repeated` (n,): which are modes of one pole, as its residue has a rank above one: beside free residues of the others none
+    of them explains anything.
     """
 
     host: IntArray
     poles: ComplexArray
+    repeated: Array
     shifts: RealArray
     whys: tuple[str, ...]
 
@@ -89,12 +91,13 @@ def copies_of(recount: Recount) -> Copies | None:
     if min(q, p) == 1 and max(q, p) < 3:
         return None
     s = recount.descent.point.poles
-    host, poles, whys, shifts = np.arange(len(s)), s.copy(), [""] * len(s), []
+    host, poles, whys, shifts, repeated = np.arange(len(s)), s.copy(), [""] * len(s), [], np.zeros(len(s), bool)
     clusters = [_Cluster(recount, which) for which in clusters_of(s)]
     scatters = _scatters(recount, clusters) if clusters else np.zeros((0, 2, 2))
     for k, cluster in enumerate(clusters):
         which = cluster.which
         found = cluster.modes(recount.bar, scatters, k)
+        repeated[which] = found.repeated
         if len(found.poles) == len(which):
             continue
         near = np.abs(s[which] - found.poles[:, None]) / -found.poles[:, None].real
@@ -107,7 +110,7 @@ def copies_of(recount: Recount) -> Copies | None:
             whys[j] = found.why
     if np.array_equal(host, np.arange(len(s))) and not recount.selection.coloured:
         return None
-    return Copies(host, poles, np.median(shifts, axis=0) if shifts else np.zeros(2), tuple(whys))
+    return Copies(host, poles, repeated, np.median(shifts, axis=0) if shifts else np.zeros(2), tuple(whys))
 
 
 def clusters_of(s: ComplexArray) -> list[IntArray]:
@@ -200,11 +203,15 @@ class _Centred(NamedTuple):
 
 @dataclass(frozen=True, eq=False, slots=True)
 class _Modes:
-    """The modes of a cluster: poles (m,) that all channels share, `shifts` (2,), and what they explain while they shift, see `Copies`."""
+    """The modes of a cluster: poles (m,) that all channels share, `shifts` (2,), and what they explain while they shift, see `Copies`.
+
+    `repeated`: whether one pole explains all, and they are as many as the rank of its residue.
+    """
 
     poles: ComplexArray
     shifts: RealArray
     explained: float
+    repeated: bool = False
 
     @property
     def why(self) -> str:
@@ -265,8 +272,9 @@ class _Cluster:
         grid = self.problem.light.grid
         assert grid is not None
         f, reach = self.poles[self.which].imag / (2 * np.pi), -_REACH * self.poles[self.which].real.min() / (2 * np.pi)
-        low, high = np.searchsorted(grid, [f.min() - reach, f.max() + reach])
-        return slice(int(max(min(low, grid.size - _MIN_LINES), 0)), int(min(max(high, _MIN_LINES), grid.size)))
+        low, high = np.searchsorted(grid, [f.min() - reach, f.max() + reach]).tolist()
+        low = max(min(low, (low + high - _MIN_LINES) // 2, grid.size - _MIN_LINES), 0)
+        return slice(low, min(max(high, low + _MIN_LINES), grid.size))
 
     def _others(self) -> IntArray:
         """Return the other poles whose resonance lies on the lines."""
@@ -340,7 +348,7 @@ class _Cluster:
         gained = one.misfit - shared.misfit
         if gained <= bar:  # one frequency in all channels, with a residue of any rank: nothing shifts
             strongest = np.argsort(-self._size(shared), kind="stable")[: self._rank(one)]
-            return _Modes(one.means if strongest.size == 1 else s[strongest], np.zeros(2), 1.0)
+            return _Modes(one.means if strongest.size == 1 else s[strongest], np.zeros(2), 1.0, strongest.size > 1)
         begun, found = [int(np.argmax(self._size(shared)))], self.as_one()
         usual = np.maximum(np.median(_beyond_noise(scatters), axis=0), [0, _LEAST_SHIFT])
         centres, fewer, own = found.means, one, found.scatter(0)

@@ -221,8 +221,6 @@ def sentence(facts: dict[str, Any], loss: float) -> str:
     if "gain" in facts:
         gain = float(f"{facts['gain']:.3g}")
         reasons.insert(0, f"significance {gain:.10g}; noise alone reaches {figures(facts['noise_gain'], 2)}")
-    if "cluster" in facts:
-        reasons.append(f"represents {facts['cluster']} poles too close to separate")
     if "rests_on" in facts:
         reasons.append(f"significant for input {facts['rests_on']} only")
     if "uncertain" in facts:

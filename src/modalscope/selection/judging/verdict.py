@@ -22,7 +22,7 @@ from modalscope.data.shown import figures, percent
 from modalscope.data.whitening import levels_of_channels
 from modalscope.identification.orders import usable_orders
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
-from modalscope.numerics.functions.poles import frequencies_and_damping, overlap, poles_from
+from modalscope.numerics.functions.poles import frequencies_and_damping, poles_from
 from modalscope.selection.judging.copies import Copies, clusters_of, copies_of
 from modalscope.selection.judging.evidence import (
     LEAST_PEAK,
@@ -151,31 +151,20 @@ class Contest:
     def hosts(self) -> IntArray:
         """The mode that each pole is part of, by default itself.
 
-        Those of `copies`. Where these are not known, and of a single row or column, whose hit or sensor makes one line of any kind for all
-        channels: the strongest of overlapping poles of one shape in coloured data, and of overlapping poles that are each uncertain else.
+        Those of `copies`. In coloured data where these are not known, and of a single row or column, whose hit or sensor makes one line of
+        any kind for all channels: the strongest of overlapping poles of one shape.
         """
         gain, s = self.outcome.gain, self.outcome.poles
         host = np.arange(len(self.poles)) if self.copies is None else self.copies.host.copy()
-        if self.copies is not None and min(self.selection.problem.channels) > 1:
+        if not self.selection.coloured or (self.copies is not None and min(self.selection.problem.channels) > 1):
             return host
-        if self.selection.coloured:
-            shapes, participation = self.outcome.residues
-            one = collinear(s, *((participation.T, shapes.T) if len(shapes) == 1 else (shapes, participation)))
-        else:
-            one = overlap(s, s) & self._open[:, None] & self._open
+        shapes, participation = self.outcome.residues
+        one = collinear(s, *((participation.T, shapes.T) if len(shapes) == 1 else (shapes, participation)))
         for j in np.argsort(-gain):
             stronger = [k for k in np.flatnonzero(one[j]) if gain[k] > gain[j]]
             if stronger and host[j] == j:
                 host[j] = host[max(stronger, key=lambda k: gain[k])]
         return np.asarray(host[host])
-
-    @property
-    def _open(self) -> Array:
-        """Which poles are uncertain, each taken alone."""
-        f, zeta = frequencies_and_damping(self.poles)
-        found = self.outcome
-        known = (found.frequency_std < _MAX_DEVIATION * f * zeta) & (found.damping_std < _MAX_DEVIATION * zeta)
-        return np.asarray(~known)
 
     @cached_property
     def deviations(self) -> Deferred:
@@ -271,9 +260,10 @@ def verdicts(trial: SelectionResult, groups: list[Array]) -> list[Candidate]:
     least = _MIN_SHARE_OF_ORDERS * len(trial.poles.orders)
     few = {j: max((c.members.size for c in each), default=0) < least for j, each in mine.items()}
     weak = (trial.gain < trial.bar) & (trial.found.recount is not None)
-    # a mode that shifts is weak beside its own copies, each of which was significant: it is judged with them
+    # a mode that shifts is weak beside its own copies, and repeated modes beside each other: each was significant with the others
+    copies = trial.contest.copies
     family = (
-        np.bincount(host, minlength=len(host)) > 1 if trial.contest.copies is not None else np.zeros(len(host), bool)
+        np.zeros(len(host), bool) if copies is None else (np.bincount(host, minlength=len(host)) > 1) | copies.repeated
     )
     doubted = [j for j in mine if (few[j] or weak[j]) and not family[j]] if trial.selection.coloured else []
     again = dict(zip(doubted, trial.contest.recounted.at(np.array(doubted, dtype=int))[0], strict=True))
@@ -332,8 +322,6 @@ def _mode(
         if hidden and rare and len(against) == 1 and zeta < MAX_DAMPING_OF_RESONANCES and _late(best, trial)
         else {}
     )
-    if several and not trial.selection.coloured and trial.contest.copies is None:
-        undecided = {"cluster": int(np.sum(host == j))}
     if several and trial.contest.copies is not None:
         best = replace(best, frequency=f, damping=zeta)
         undecided |= trial.contest.copies.facts(turned=trial.selection.problem.turned)
@@ -404,8 +392,6 @@ def _part(trial: SelectionResult, j: int, host: Candidate, fit: float) -> Candid
     against = f"duplicate of {host.frequency:.5g} Hz (frequency drifted during the measurement)"
     if copies is not None and copies.whys[j]:
         against = f"duplicate of {host.frequency:.5g} Hz: {copies.whys[j]}"
-    elif copies is None and not trial.selection.coloured:
-        against = f"too close to {host.frequency:.5g} Hz to separate; counted in its cluster"
     part = _by_itself(trial, j, fit)
     return _with_gain(
         trial, replace(part, against=(against,), residue=trial.residue(part, np.array([j]))), trial.gain[j]
