@@ -131,7 +131,7 @@ def channel_noise_factors(state: State) -> RealArray:
     weights = np.ones(by_channel.shape) if point.problem.weights is None else point.problem.weights
     part = np.einsum("qn,np,qp->nqp", np.abs(fitted.linear) ** 2, np.abs(point.sides) ** 2, weights**2)
     part /= np.maximum(part.sum(axis=(1, 2), keepdims=True), 1e-300)
-    return np.maximum(np.sum(part * by_channel, axis=(1, 2)), 1.0)
+    return np.asarray(np.maximum(np.sum(part * by_channel, axis=(1, 2)), 1.0))
 
 
 def pruned(fitted: Fitted, least: RealArray) -> Array:
