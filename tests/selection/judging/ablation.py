@@ -93,6 +93,7 @@ RULES = {
     "joint: one pole or two": Rule(joint_selection, "_split_where_needed", _same),
     "joint: weak poles fitted without": Rule(joint_selection, "_without_redundant", _same),
     "joint: noise of the channels of a mode": Rule(joint_selection, "_above_channel_noise", _same),
+    "joint: lines around a weak mode": Rule(joint_selection, "_MAX_LOCAL", 0.0),
     "joint: tried at half of the bar": Rule(joint_selection, "_UNREFINED_FRACTION", 1.0),
     "joint: variance of the fit": Rule(joint_selection, "variance_of_fit", lambda selection, _: selection.variance),
     "joint: collinear neighbours stay": Rule(joint_selection, "collinear", _no_pairs),

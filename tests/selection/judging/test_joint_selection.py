@@ -140,6 +140,23 @@ def test_what_rounding_leaves_of_computed_data_has_no_colour(
     assert (_excess(state) == 0) is computed
 
 
+@pytest.mark.parametrize(("gain", "local"), [(4 - NUDGE, True), (4 + NUDGE, False)])
+def test_of_a_weak_mode_the_noise_of_the_lines_around_it_counts(gain: float, local: bool) -> None:
+    # lines within a hertz of the last mode are three times as loud as all others, in the channels of one input
+    loud = np.where((np.abs(F - 18) < 2)[:, None, None] & np.array([[False, True]]), 3.0, 1.0)
+    own = np.random.default_rng(1)
+    e = own.standard_normal((2, *loud.shape[:1], 3, 2))
+    response = data(noise=0)
+    problem = selection_of(replace(response, values=response.values + NOISE * loud * (e[0] + 1j * e[1])))
+    descent = descend(problem.problem, POLES, PARTS.astype(complex))
+    state = State(descent, problem.variance, problem)
+    state = replace(state, selection=replace(problem, bar=float(state.gain[3]) / gain))
+    share = np.abs(PARTS[3]) ** 2 / np.sum(np.abs(PARTS[3]) ** 2)
+    expected = share @ [1, 9] if local else 1.0
+    found = channel_noise_factors(state)[3]
+    assert found == pytest.approx(expected, rel=0.2) if local else found < 0.6 * (share @ [1, 9])
+
+
 def test_a_mode_that_no_candidate_shows_is_found_in_what_the_others_leave() -> None:
     assert close(ends(selection_of(data()), [0, 1, 2]), POLES)
     assert close(ends(selection_of(data()), []), POLES)

@@ -22,7 +22,7 @@ from modalscope.selection.likelihood.descent import Descent, descend
 from modalscope.selection.likelihood.information import inverse, normal, residual
 from modalscope.selection.likelihood.likelihood import Fitted, Point, WhitenedResponse, unit_vectors
 from modalscope.selection.likelihood.matched import amplitudes, strongest_peaks
-from modalscope.selection.likelihood.whitening import colour, levels_of
+from modalscope.selection.likelihood.whitening import LEVEL_LINES, colour, levels_of
 
 # ------------------------------------------------------------------------------------------------- joint refinement and pruning
 
@@ -117,11 +117,17 @@ def variance_of_fit(selection: SelectionProblem, descent: Descent) -> float:
     return max(descent.cost, least) / max(selection.problem.freedom - 2 * len(descent.point.poles) * int(q + p), 1)
 
 
+#: Gains above this multiple of the threshold are beyond what lines around a pole may be louder than others. Of 96 random lists with errors
+#: of 3 % of the response, each line by itself, five have a false mode where this is not asked.
+_MAX_LOCAL = 4.0
+
+
 def channel_noise_factors(state: State) -> RealArray:
     """Return the noise variance of the channels that determine each pole, relative to the assumed one; at least one, (n,).
 
     The data are divided by levels that are known to a factor of two. The variance of the amplitude of a pole is the mean of those of
-    the channels of the divided data, s_oi, each by its part in the pole, |u_o|^2 |v_i|^2 with u its shape and v its participation.
+    the channels of the divided data, s_oi, each by its part in the pole, |u_o|^2 |v_i|^2 with u its shape and v its participation. Of a
+    weak pole that of the lines around it counts, too: errors that grow with the response are loud where that of a channel is.
     """
     point, fitted = state.descent.point, state.descent.fitted
     residuals = point.left_by_channel(fitted)
@@ -131,7 +137,14 @@ def channel_noise_factors(state: State) -> RealArray:
     weights = np.ones(by_channel.shape) if point.problem.weights is None else point.problem.weights
     part = np.einsum("qn,np,qp->nqp", np.abs(fitted.linear) ** 2, np.abs(point.sides) ** 2, weights**2)
     part /= np.maximum(part.sum(axis=(1, 2), keepdims=True), 1e-300)
-    return np.asarray(np.maximum(np.sum(part * by_channel, axis=(1, 2)), 1.0))
+    factors = np.maximum(np.sum(part * by_channel, axis=(1, 2)), 1.0)
+    grid, weak = point.problem.light.grid, np.flatnonzero(state.gain < _MAX_LOCAL * state.selection.bar)
+    if grid is not None and weak.size:
+        squares = residual(point, fitted).reshape(2, grid.size, *by_channel.shape) ** 2
+        for j in weak:
+            near = np.abs(grid - state.poles[j].imag / (2 * np.pi)).argsort()[:LEVEL_LINES]
+            factors[j] = max(factors[j], float(np.sum(part[j] * squares[:, near].mean(axis=(0, 1)))) / state.variance)
+    return np.asarray(factors)
 
 
 def pruned(fitted: Fitted, least: RealArray) -> Array:
