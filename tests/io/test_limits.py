@@ -17,9 +17,9 @@ from modalscope.io import limits
 from modalscope.io.limits import Room, room
 from tests.support import ROOT, refused
 
-#: Reading a bomb may take sixteen times what three million steps of Python take (about four seconds of an idle processor), and 500 MB or
+#: Reading a bomb may take 32 times what three million steps of Python take (five to ten seconds of an idle processor), and 500 MB or
 #: twenty times the file.
-LOOPS, LEAST, TIMES = 16, 500_000_000, 20
+LOOPS, LEAST, TIMES = 32, 500_000_000, 20
 
 
 def a_loop() -> float:
