@@ -17,9 +17,9 @@ from modalscope.io import limits
 from modalscope.io.limits import Room, room
 from tests.support import ROOT, refused
 
-#: Reading a bomb may take 32 times what three million steps of Python take (five to ten seconds of an idle processor), and 500 MB or
+#: Reading a bomb may take sixteen times what three million steps of Python take (about four seconds of an idle processor), and 500 MB or
 #: twenty times the file.
-LOOPS, LEAST, TIMES = 32, 500_000_000, 20
+LOOPS, LEAST, TIMES = 16, 500_000_000, 20
 
 
 def a_loop() -> float:
@@ -46,11 +46,12 @@ def test_every_bomb_is_answered_in_time_and_within_the_memory(tmp_path, suffix):
     for name in made:
         BOMBS[name](tmp_path / name)
     command = [sys.executable, "-W", "error", "-m", "tests.io.apart", str(tmp_path), "20"]
+    loops = [a_loop(), a_loop()]  # the clock of a processor changes: the slowest of loops before and after
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
     answers = [json.loads(line) for line in done.stdout.splitlines()]
     assert len(answers) == len(made) > 0
     bad = [a for a in answers if a["how"] not in ("read", "DataError")]
-    most = LOOPS * a_loop()
+    most = LOOPS * max(*loops, a_loop(), a_loop(), a_loop())
     bad += [a for a in answers if a["seconds"] > most or a["memory"] > max(LEAST, TIMES * a["size"])]
     assert not bad
 

@@ -18,8 +18,7 @@ from modalscope.selection.likelihood.descent import descend
 from modalscope.selection.likelihood.information import residual, residual_of
 from modalscope.selection.likelihood.likelihood import unit_vectors, whitened
 from modalscope.systems import chain5
-from tests.selection.judging.ablation import CASES
-from tests.selection.judging.hard import Structure
+from tests.selection.judging.ablation import CASES, faults_of
 from tests.selection.judging.made import NUDGE
 from tests.selection.judging.shifted import KINDS, missed_and_false, shifted_response, shifted_structure
 from tests.studies import Study
@@ -187,8 +186,7 @@ def test_repeated_modes_are_two_and_a_mode_split_at_one_frequency_is_one() -> No
 def test_repeated_modes_in_coloured_errors_are_both_listed() -> None:
     """With free residues either explains what both do, so that neither is significant beside the other."""
     case = CASES["repeated modes, coloured"](75007)
-    listed = ms.select(ms.stabilize(case.data))
-    assert missed_and_false(Structure(case.poles, np.zeros((len(case.poles), 1, 1)), ""), listed) == (0, 0)
+    assert faults_of(case.poles, ms.select(ms.stabilize(case.data))) == 0
 
 
 @pytest.mark.parametrize("place", [0.01, 0.5, 0.99])

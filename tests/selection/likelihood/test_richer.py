@@ -11,7 +11,7 @@ from modalscope.data import FrequencyResponse, ImpulseResponse
 from modalscope.numerics.checks import RealArray
 from modalscope.numerics.functions.poles import poles_from
 from modalscope.selection.likelihood.matched import amplitudes, strongest_peaks
-from modalscope.selection.likelihood.reference_model import by_line, floor_of
+from modalscope.selection.likelihood.reference_model import _few, by_line, floor_of
 from modalscope.selection.likelihood.whitening import gain_factor_in_correlated_noise
 
 F = np.linspace(2, 40, 2000)
@@ -63,6 +63,9 @@ def test_of_too_many_poles_the_least_damped_take_part() -> None:
     few = response().band(14, 16)
     wide = poles_from(np.linspace(14, 16, 100), np.full(100, 0.5))
     assert floor_of(few, np.append(wide, POLES)).variance == pytest.approx(floor_of(few, POLES).variance, rel=0.5)
+    kept = _few(few, np.append(wide, POLES))
+    assert kept.size < wide.size
+    assert np.isin(POLES, kept).all()
 
 
 def test_a_variance_that_is_known_levels_the_data() -> None:
