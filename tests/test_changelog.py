@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import pytest
-
 from tests.support import ROOT
 from tools.changelog import WIDTH, fragments, joined
 
@@ -35,9 +33,9 @@ def test_long_changes_are_wrapped_and_none_is_lost(tmp_path: Path) -> None:
     assert max(map(len, new.splitlines())) <= WIDTH
 
 
-@pytest.mark.parametrize("path", sorted((ROOT / "changelog.d").glob("*.md")), ids=lambda path: path.name)
-def test_a_fragment_is_one_or_two_sentences(path: Path) -> None:
-    text = path.read_text(encoding="utf-8").strip()
-    assert text.endswith(".")
-    assert len(text.splitlines()) <= 3
-    assert not text.startswith(("#", "-", "*"))
+def test_fragments_are_one_or_two_sentences() -> None:
+    for path in sorted((ROOT / "changelog.d").glob("*.md")):
+        text = path.read_text(encoding="utf-8").strip()
+        assert text.endswith("."), path
+        assert len(text.splitlines()) <= 3, path
+        assert not text.startswith(("#", "-", "*")), path

@@ -49,15 +49,14 @@ def test_every_line_of_the_right_columns_runs(tmp_path: Path, monkeypatch: pytes
     matplotlib.pyplot.close("all")
 
 
-@pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: f"{path.parent.name}-{path.stem}")
-def test_a_recipe_is_short_says_where_its_data_come_from_and_ends_in_a_picture(script: Path) -> None:
-    text = script.read_text(encoding="utf-8")
-    head, code = text.split('"""', 2)[1:]
-    lines = [line for line in code.splitlines() if line.strip() and not line.startswith("#")]
-    assert head.strip().splitlines()[1].strip("=") == ""
-    if script.parent.name == "howto":
-        assert len(lines) <= 30
-    assert re.search(r"plot", code)
+def test_recipes_are_short_say_where_their_data_come_from_and_end_in_a_picture() -> None:
+    for script in SCRIPTS:
+        text = script.read_text(encoding="utf-8")
+        head, code = text.split('"""', 2)[1:]
+        lines = [line for line in code.splitlines() if line.strip() and not line.startswith("#")]
+        assert head.strip().splitlines()[1].strip("=") == "", script
+        assert len(lines) <= 30 or script.parent.name != "howto", script
+        assert re.search(r"plot", code), script
 
 
 def test_there_are_forty_recipes_and_what_each_of_them_prints_is_held() -> None:
