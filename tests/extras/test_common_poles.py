@@ -52,7 +52,7 @@ def plain_aaa(at: np.ndarray, values: np.ndarray, count: int) -> tuple[list[int]
     return chosen, w, found[np.isfinite(found) & (abs(found) < 1e6)]
 
 
-@pytest.mark.parametrize("count", [1, 4, 8])
+@pytest.mark.parametrize("count", [1, 4, pytest.param(8, marks=pytest.mark.slow)])
 def test_aaa_is_the_null_vector_and_the_arrow_pencil_of_its_paper(count: int) -> None:
     matrix = aaa(noisy(), domain="s", order=count)
     chosen, _, plain = plain_aaa(matrix.at, matrix.channels, count)

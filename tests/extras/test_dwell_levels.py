@@ -20,7 +20,7 @@ def dwells(rig: HardeningRig, noise: float = 0.01) -> Records:
     return rig.dwell(np.repeat(20 * np.array(LEVELS), 4), f, noise=noise)
 
 
-@pytest.mark.parametrize("cubic", [1e6, 0.0, -2e5])
+@pytest.mark.parametrize("cubic", [1e6, 0.0, pytest.param(-2e5, marks=pytest.mark.slow)])
 def test_the_backbone_is_that_of_the_rig(cubic: float) -> None:
     """Noise of a hundredth of the motion; after twenty seconds motion is settled to exp(-6) = .2 %, more slowly near a fold."""
     rig = HardeningRig(cubic=cubic)

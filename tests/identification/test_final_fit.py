@@ -20,6 +20,7 @@ from tests.selection.judging.coloured import coloured_response
 from tests.selection.judging.hard import impulse_response, lines_of, random_structure
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [4])
 def test_residues_are_those_of_the_likelihood_itself(seed: int) -> None:
     """Lines err by a part of the response; fitted again in turn from elsewhere, residues come back to what was reported."""

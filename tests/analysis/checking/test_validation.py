@@ -37,6 +37,7 @@ def test_true_modes_explain_what_they_were_not_fitted_to_up_to_the_noise(leaving
     assert len(seen.table().splitlines()) == len(seen.parts) + 2
 
 
+@pytest.mark.slow
 def test_the_deviation_by_leaving_out_is_that_of_the_refinement() -> None:
     ratios = []
     for seed in range(5):

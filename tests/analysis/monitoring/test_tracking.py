@@ -151,6 +151,7 @@ def test_tracks_of_simulated_years(study) -> None:  # type: ignore[no-untyped-de
 MAST = DATA / "mast_months" / "modal_accel.nc"
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not MAST.exists(), reason="needs ../shared/data/mast_months")
 def test_the_strong_resonances_of_a_mast_are_one_track_each() -> None:
     """The pairs near .35 and .62 Hz turn with the wind, and stand two and three times in a record."""
@@ -169,7 +170,11 @@ def test_the_strong_resonances_of_a_mast_are_one_track_each() -> None:
 
 
 @pytest.mark.parametrize(
-    ("part", "mac", "absent"), [(0.05, 1.0, 0), (0.12, 1.0, 0), (0.4, 1.0, 0), (0.05, 0.6, 0), (0.05, 1.0, 60)]
+    ("part", "mac", "absent"),
+    [
+        *(pytest.param(part, 1.0, 0, marks=pytest.mark.slow) for part in (0.05, 0.12)),
+        *((0.4, 1.0, 0), (0.05, 0.6, 0), (0.05, 1.0, 60)),
+    ],
 )
 def test_a_mode_that_jumps_keeps_its_track(part: float, mac: float, absent: int) -> None:
     """However far, and with a shape that is nearer to what it was than to a right angle."""

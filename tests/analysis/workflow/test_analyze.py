@@ -24,6 +24,11 @@ def samples() -> ImpulseResponse:
 
 
 @pytest.fixture(scope="module")
+def result(samples: ImpulseResponse) -> ms.Result:
+    return ms.analyze(samples)
+
+
+@pytest.fixture(scope="module")
 def lines() -> FrequencyResponse:
     return ms.systems.add_noise(ms.systems.chain5().frequency_response(np.linspace(0.3, 8, 400)), 0.01, 0)
 
@@ -32,9 +37,8 @@ def same(a: ms.ModalModel, b: ms.ModalModel) -> bool:
     return all(np.array_equal(getattr(a, name), getattr(b, name)) for name in ("poles", "shapes", "participation"))
 
 
-def test_it_gives_the_modes_of_its_steps(samples: ImpulseResponse) -> None:
+def test_it_gives_the_modes_of_its_steps(samples: ImpulseResponse, result: ms.Result) -> None:
     """On channels of one level: others are brought to it, which moves no optimum."""
-    result = ms.analyze(samples)
     even = levelling(samples.values).of_response(samples)
     selected = ms.select(ms.stabilize(even))
     refined = ms.refine(even, selected)
@@ -64,9 +68,11 @@ def test_no_unit_of_a_channel_changes_a_mode_an_interval_or_a_grade(kind: str) -
     assert np.diag(ms.mac(other.shapes / u[:, None], one.shapes)) == pytest.approx(1)
 
 
-def test_the_words_of_the_user_on_channels_are_those_of_the_channels_as_they_are(samples: ImpulseResponse) -> None:
+def test_the_words_of_the_user_on_channels_are_those_of_the_channels_as_they_are(
+    samples: ImpulseResponse, result: ms.Result
+) -> None:
     weights = np.ones(samples.values.shape[1])
-    assert ms.analyze(samples).diagram.whitening is not None
+    assert result.diagram.whitening is not None
     assert ms.analyze(samples, block_rows=20, row_weights=np.tile(weights, 20), orders=[10]).diagram.whitening is None
 
 
@@ -132,8 +138,7 @@ def test_what_is_seen_in_channels_that_were_left_out_is_not_told_again(samples: 
 
 
 @pytest.mark.parametrize("suffix", [".json", ".csv", ".npz", ".uff"])
-def test_a_result_is_written_as_its_modes(tmp_path: Path, samples: ImpulseResponse, suffix: str) -> None:
-    result = ms.analyze(samples)
+def test_a_result_is_written_as_its_modes(tmp_path: Path, result: ms.Result, suffix: str) -> None:
     path = tmp_path / f"r{suffix}"
     ms.write(path, result)
     assert path.stat().st_size > 0
@@ -154,7 +159,7 @@ def test_the_demo_file_gives_its_modes_with_nothing_but_a_band() -> None:
     assert np.all(apart.min(axis=0)[[0, 1, 3]] < 0.2)
 
 
-@pytest.mark.parametrize("channels", [1, 3])
+@pytest.mark.parametrize("channels", [1, pytest.param(3, marks=pytest.mark.slow)])
 def test_runs_without_forces_are_identified_as_one_record(channels: int) -> None:
     """Their lines refine modes run by run: they once were taken as one, which broke off."""
     chain = ms.systems.chain5()

@@ -32,7 +32,10 @@ def modes(outputs: bool, inputs: bool) -> Any:
     return ms.analyze(told, orders=range(8, 17, 2)).modes
 
 
-@pytest.mark.parametrize(("outputs", "inputs"), [(True, False), (False, True), (True, True)])
+@pytest.mark.parametrize(
+    ("outputs", "inputs"),
+    [*(pytest.param(*one, marks=pytest.mark.slow) for one in ((True, False), (False, True))), (True, True)],
+)
 def test_modes_intervals_grades_and_reasons_are_those_of_any_unit(outputs: bool, inputs: bool) -> None:
     one, other = modes(False, False), modes(outputs, inputs)
     np.testing.assert_allclose(other.poles, one.poles, rtol=1e-7)

@@ -86,7 +86,9 @@ def test_without_noise_modes_are_those_of_all_outputs_and_a_mode_at_1e_7_is_ther
     assert ours.modes.output_dofs == response.output_dofs
 
 
-@pytest.mark.parametrize(("make", "method"), [(lines, "alternate"), (samples, "era")])
+@pytest.mark.parametrize(
+    ("make", "method"), [pytest.param(lines, "alternate", marks=pytest.mark.slow), (samples, "era")]
+)
 def test_in_noise_both_differ_by_less_than_their_deviations(make, method: str) -> None:  # type: ignore[no-untyped-def]
     """The misfit counts what was discarded: it is that of the shapes of all outputs, rebuilt."""
     response = make(0.02)

@@ -72,7 +72,7 @@ def test_rows_of_which_little_is_left_are_told_from_rounding() -> None:
     assert operator.row_gram() is None
 
 
-@pytest.mark.parametrize("method", ["alternate", "era"])
+@pytest.mark.parametrize("method", ["alternate", pytest.param("era", marks=pytest.mark.slow)])
 @pytest.mark.parametrize(("noise", "weak"), [(0.01, 1.0), (0.0, 1e-7)], ids=["40 dB", "a mode at 1e-7"])
 def test_both_routes_give_one_diagram(method: str, noise: float, weak: float, monkeypatch: pytest.MonkeyPatch) -> None:
     """By products and by the triangular factor. Poles of a weak mode keep the digits that its share of the data leaves."""

@@ -81,7 +81,11 @@ def test_results_that_cannot_be_printed_are_one_line(test_file: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "setting", [{"PYTHONIOENCODING": "ascii"}, {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"}]
+    "setting",
+    [
+        pytest.param({"PYTHONIOENCODING": "ascii"}, marks=pytest.mark.slow),
+        {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"},
+    ],
 )
 def test_a_terminal_of_ascii_gets_escapes(tmp_path: Path, setting: dict[str, str]) -> None:
     name = tmp_path / "messung-µ.npz"
@@ -133,7 +137,7 @@ sys.exit(main())
 """
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [pytest.param(signal.SIGINT, marks=pytest.mark.slow), signal.SIGTERM])
 def test_a_signal_is_one_line_and_no_temporary_file(tmp_path: Path, test_file: Path, number: int) -> None:
     target = tmp_path / "out.csv"
 

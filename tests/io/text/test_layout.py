@@ -78,7 +78,7 @@ def test_behind_the_name_of_a_row_of_units_any_unit_is_one(tmp_path: Path, row: 
     assert (found.input_dofs, found.output_dofs, found.units[0]) == (("Kraft",), ("a1", "a2"), units)
 
 
-@pytest.mark.parametrize("which", [1, 2])
+@pytest.mark.parametrize("which", [1, pytest.param(2, marks=pytest.mark.slow)])
 def test_a_measured_frame_as_its_logger_writes_it(which: int) -> None:
     found = ms.read(measured("kyowa_frame", f"imp_ham_set{which}_nomass.CSV"))
     assert (found.output_dofs, found.input_dofs) == (

@@ -36,7 +36,7 @@ def test_the_five_storeys_are_found_in_every_ambient_record_with_the_scatter_tha
     assert np.all(zeta < 2 * np.sqrt(1.6) * least / truth.damping_ratios)
 
 
-@pytest.mark.parametrize("band", [None, (0.5, 4)])
+@pytest.mark.parametrize("band", [None, pytest.param((0.5, 4), marks=pytest.mark.slow)])
 def test_the_published_modes_of_a_timber_building_and_nothing_below(band):
     record = ms.read(measured("palisaden", "palisaden_dec5.npz"), rename={"y": "outputs", "fs": "sampling_rate"})
     modes = ms.select(ms.stabilize(record, band=band))

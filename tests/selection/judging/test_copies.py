@@ -183,6 +183,7 @@ def test_repeated_modes_are_two_and_a_mode_split_at_one_frequency_is_one() -> No
     assert not one.repeated.any()
 
 
+@pytest.mark.slow
 def test_repeated_modes_in_coloured_errors_are_both_listed() -> None:
     """With free residues either explains what both do, so that neither is significant beside the other."""
     case = CASES["repeated modes, coloured"](75007)

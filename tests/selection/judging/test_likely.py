@@ -70,7 +70,7 @@ def test_skirts_take_part_from_seven_tenths_of_the_excess_on(whiter: bool, monke
     assert posed(monkeypatch, 0.0) == [whiter, whiter, False]
 
 
-@pytest.mark.parametrize("seed", [1, 71001, 71005])
+@pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (71001, 71005))])
 def test_data_without_noise_have_their_modes_and_no_others(seed: int) -> None:
     # poles of lscf are good to 1e-6 here: what they leave is misfit, and what they leave refined is rounding, and no noise
     structure = random_structure(seed)

@@ -228,7 +228,7 @@ def test_refinement_reaches_the_bound_over_two_hundred_seeds(name, kind, snr_db,
 # ------------------------------------------------------------------------------------------------ what it cannot do
 
 
-@pytest.mark.parametrize("kind", ["samples", "lines"])
+@pytest.mark.parametrize("kind", ["samples", pytest.param("lines", marks=pytest.mark.slow)])
 def test_exactly_repeated_poles_are_no_failure_and_are_told(kind):
     structure = FIVE["ring5"]()
     clean = (
@@ -261,7 +261,7 @@ def test_a_mode_with_nothing_of_its_own_is_left_out_and_told():
 
 
 @pytest.mark.parametrize("kind", DATA)
-@pytest.mark.parametrize("missing", [0, 1, 2])
+@pytest.mark.parametrize("missing", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in (1, 2))])
 def test_a_missing_mode_is_added_when_that_is_asked(kind, missing):
     truth = model(4, 2)
     clean = DATA[kind](truth)
@@ -329,6 +329,7 @@ def shifting(seed: int, inputs: int = 6) -> FrequencyResponse:
     return add_noise(data, 60, seed)
 
 
+@pytest.mark.slow
 def test_poles_that_shift_from_input_to_input_scatter_as_repeatability_says():
     truth = model(4, 6)
     errors, told = [], []

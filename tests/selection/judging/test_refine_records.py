@@ -106,7 +106,7 @@ def test_runs_are_the_groups_that_tell_how_far_the_test_repeats():
     refused("8 labels, one per run", ms.refine, records, begun, groups=["a", "b"])
 
 
-@pytest.mark.parametrize("lengths", [[900], [500, 350]])
+@pytest.mark.parametrize("lengths", [pytest.param([900], marks=pytest.mark.slow), [500, 350]])
 def test_a_mode_that_is_missed_is_found_in_what_the_others_leave(lengths):
     records = runs_of(system(4, 2), lengths, noise=0.02)
     modes = ms.identify(records, route="records", order=6).modes
@@ -209,7 +209,7 @@ def test_a_mode_that_is_added_and_leaves_for_the_place_of_another_is_none(monkey
         refine.refinement(records, moved, complete=True, confined=True)
 
 
-@pytest.mark.parametrize("further", ["still", "sum"])
+@pytest.mark.parametrize("further", [pytest.param("still", marks=pytest.mark.slow), "sum"])
 def test_an_input_that_tells_nothing_changes_no_deviation(further: str) -> None:
     run = runs_of(system(4, 2), [1000], noise=0.05).runs[0]
     more = np.zeros(len(run.inputs)) if further == "still" else run.inputs.sum(axis=1)

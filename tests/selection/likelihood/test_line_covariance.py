@@ -224,7 +224,7 @@ def test_degrees_of_freedom_count_two_a_line_and_follow_those_that_tell() -> Non
     assert np.allclose(np.concatenate(blocks), variances_of_lines(half, e), rtol=1e-12)
 
 
-@pytest.mark.parametrize("width", [3.0, 10.0])
+@pytest.mark.parametrize("width", [3.0, pytest.param(10.0, marks=pytest.mark.slow)])
 def test_students_interval_of_few_lines_holds_the_truth(width: float) -> None:
     """A resonance few lines wide: 1/2 sum |u* e|^2 scatters, and Student's quantile of its degrees of freedom makes up for it."""
     rng, x = np.random.default_rng(2), np.arange(-200, 200) / width
@@ -325,6 +325,7 @@ def shifting(seed: int, shift: float) -> tuple[ms.FrequencyResponse, RealArray]:
     return ms.FrequencyResponse(values=values, frequencies=w[:, 0].imag / (2 * np.pi), quantity="displacement"), shape
 
 
+@pytest.mark.slow
 def test_outputs_whose_resonance_shifts_lower_the_damping_and_widen_the_shape() -> None:
     held, ratios, damping = [], [], []
     for seed in range(12):

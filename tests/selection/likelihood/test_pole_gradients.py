@@ -165,7 +165,7 @@ def test_the_matrix_fraction_at_any_level_of_noise(sampled, level):
     assert relative(predicted, measured) < 5e-3  # the level of an output, which changes with it, is taken as given
 
 
-@pytest.mark.parametrize("method", ["ssi-data", "ssi-cva"])
+@pytest.mark.parametrize("method", [pytest.param("ssi-data", marks=pytest.mark.slow), "ssi-cva"])
 def test_projected_records_by_their_correlation(method):
     """A change of the records changes their correlation, and the poles by the influence of that.
 

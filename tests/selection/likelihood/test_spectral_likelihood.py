@@ -32,6 +32,11 @@ BAND = (0.27, 5.0)
 ORDERS = range(24, 57, 8)
 
 
+@pytest.fixture(scope="module")
+def unrefined() -> ms.ModalModel:
+    return ms.analyze(BUILT.setups[0], orders=ORDERS, refine=False).modes
+
+
 def test_the_functions_are_the_half_spectra_of_decays_seen_through_a_triangle() -> None:
     cells = cells_of(Transformed.of(BUILT.setups[0]), POLES, BAND)
     short = replace(cells, samples=400)
@@ -202,9 +207,9 @@ def test_combinations_of_outputs_tell_what_all_outputs_tell_of_the_poles() -> No
     assert again.poles == pytest.approx(few.poles, rel=1e-9)
 
 
-def test_analyze_refines_a_record_as_refine_does_and_keeps_what_is_better_known() -> None:
-    record = BUILT.setups[0]
-    plain, both = (ms.analyze(record, orders=ORDERS, refine=refine).modes for refine in (False, True))
+def test_analyze_refines_a_record_as_refine_does_and_keeps_what_is_better_known(unrefined: ms.ModalModel) -> None:
+    record, plain = BUILT.setups[0], unrefined
+    both = ms.analyze(record, orders=ORDERS).modes
     assert both.poles == pytest.approx(ms.refine(record, plain).poles, rel=1e-5)  # a straight line less
     assert plain.unrefined is None
     assert both.unrefined is not None
@@ -216,9 +221,11 @@ def test_analyze_refines_a_record_as_refine_does_and_keeps_what_is_better_known(
     assert np.array_equal(widths[1][~moved_there], widths[0][~moved_there])
 
 
-def test_more_than_the_modes_on_the_lines_leaves_values_that_are_known(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_more_than_the_modes_on_the_lines_leaves_values_that_are_known(
+    unrefined: ms.ModalModel, monkeypatch: pytest.MonkeyPatch
+) -> None:
     record = ms.Setups(parts=BUILT.setups[:1])
-    start = ms.analyze(BUILT.setups[0], orders=ORDERS, refine=False).modes.take([0, 1])  # one place
+    start = unrefined.take([0, 1])  # one place
     assert np.isfinite(start.interval()["frequency"]).any()
     module = "modalscope.selection.likelihood.refine_setups"
     misfit = refine_setups(record, start).notes[-1].numbers["misfit"]

@@ -48,6 +48,7 @@ def test_blocks_add_up_to_the_whole_estimate(runs):
     assert len(blocks.values) == (7 if runs is None else 8)  # at least as many as asked, the same in each run
 
 
+@pytest.mark.slow
 def test_scatter_of_the_blocks_predicts_that_of_the_estimate():
     # 200 records: the relative error of a standard deviation is 1 / sqrt(400) = 5 %, of that from 20 blocks less when pooled
     estimates, predicted = [], []

@@ -34,6 +34,7 @@ def test_a_line_of_a_machine_moves_no_level() -> None:
     assert prominent_span(levels_of(with_line)) is None
 
 
+@pytest.mark.slow
 def test_chance_shows_something_in_one_record_of_a_thousand() -> None:
     seen = sum(prominent_span(levels_of(record(seed, 5000, 1 + seed % 5))) is not None for seed in range(60))
     assert seen <= 2  # .06 are expected; neighbouring bins are not quite independent
