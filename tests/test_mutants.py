@@ -87,6 +87,7 @@ def test_all_noticed_is_a_success_and_a_word_chooses(tmp_path: Path, capfd: pyte
     assert tried(tmp_path, NOTICED, word="nothing") == 1
 
 
+@pytest.mark.slow
 def test_parts_hold_every_fault_once(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     assert tried(tmp_path, NOTICED, LIVING, part="1/2") == 0
     assert tried(tmp_path, NOTICED, LIVING, part="2/2") == 1

@@ -59,12 +59,12 @@ def test_accelerations_give_levels_in_metres() -> None:
 def test_dwells_that_tell_nothing_are_refused() -> None:
     rig = HardeningRig()
     steps = [4.9, 5.0, 5.1, 5.2]
-    refused("4 dwells", ms.tuned_dwell, rig.dwell([0.1] * 3, steps[:3], duration=10.0))
-    assert len(ms.tuned_dwell(rig.dwell([0.1] * 4, steps, duration=10.0)).levels) == 4
+    runs = rig.dwell([0.1] * 4, steps, duration=10.0).runs
+    refused("4 dwells", ms.tuned_dwell, runs[:3])
+    assert len(ms.tuned_dwell(runs).levels) == 4
     refused("all dwells are at one frequency", ms.tuned_dwell, rig.dwell([0.1] * 4, [5.0] * 4, duration=10.0))
     w, at_resonance = 2 * np.pi * np.array(steps), np.full(4, 1j)  # a structure that hardens is tuned at each level
     refused("from 4.9 to 5.2 Hz: mass and stiffness", _backbone, w, np.ones(4), at_resonance)
-    runs = rig.dwell([0.1] * 4, steps, duration=10.0).runs
     refused("no forces were measured", ms.tuned_dwell, [run.select(inputs=[]) for run in runs])
     refused("periods", ms.tuned_dwell, rig.dwell([0.1] * 4, steps, duration=1.8))
     apart = [run.select(outputs=["1:+X"]) for run in runs]

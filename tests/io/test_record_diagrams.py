@@ -11,11 +11,17 @@ import modalscope as ms
 from modalscope.data.record_spectra import RecordSpectra
 
 
-@pytest.mark.parametrize("suffix", [".npz", ".json"])
-def test_a_diagram_of_records_is_read_as_it_was_written(tmp_path: Path, suffix: str) -> None:
+@pytest.fixture(scope="module")
+def diagram() -> ms.StabilizationDiagram:
     chain = ms.systems.chain5()
     runs = [chain.simulate(samples=n, sampling_rate=20.0, noise=0.02, seed=n) for n in (900, 1100)]
-    diagram = ms.stabilize(runs, orders=range(2, 21, 2))
+    return ms.stabilize(runs, orders=range(2, 21, 2))
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".json"])
+def test_a_diagram_of_records_is_read_as_it_was_written(
+    tmp_path: Path, diagram: ms.StabilizationDiagram, suffix: str
+) -> None:
     path = tmp_path / f"records{suffix}"
     ms.write(path, diagram)
     again = ms.read(path)

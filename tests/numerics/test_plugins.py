@@ -71,7 +71,7 @@ def test_a_row_of_another_package_is_a_method(installed: None) -> None:
 
 def test_a_row_of_another_package_is_compared_listed_and_read(installed: None, tmp_path: Path) -> None:
     """Where it is named, and with all sets without a vote: trust was calibrated with the votes of the table."""
-    response = chain5().impulse_response(200, noise=0.001, seed=0)
+    response = chain5().impulse_response(100, noise=0.001, seed=0)
     named = ms.compare(response, ["short-era", "era/time"], orders=[10])
     assert [result.name for result in named.results] == ["short-era (time)", "era (time)"]
     every = ms.compare(response, orders=[10], all_sets=True)

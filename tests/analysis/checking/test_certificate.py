@@ -157,6 +157,7 @@ def test_the_selection_is_replayed_when_asked_and_files_are_taken(tmp_path):
     assert ms.certify(tmp_path / "irf.npz", replicates=2).order >= 10
 
 
+@pytest.mark.slow
 def test_an_ambient_record_is_certified_through_its_correlations():
     record = chain5().simulate(inputs="ambient", duration=500, sampling_rate=20, noise=0.01, seed=0)
     result = ms.analyze(record, orders=range(4, 33, 4))

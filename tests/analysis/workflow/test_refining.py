@@ -61,7 +61,7 @@ def test_a_mode_that_was_refused_takes_part_all_the_same():
 
 
 def test_correlations_keep_their_values_and_say_why():
-    record = ms.systems.chain5().simulate(inputs="ambient", samples=8000, sampling_rate=20.0, seed=0)
+    record = ms.systems.chain5().simulate(inputs="ambient", samples=4000, sampling_rate=20.0, seed=0)
     assert not told(ms.analyze(record, orders=ORDERS).modes, "not refined")  # its lines are there
     found = ms.analyze(ms.estimate_correlation(record), orders=ORDERS).modes
     assert len(found)

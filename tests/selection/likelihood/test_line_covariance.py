@@ -366,7 +366,7 @@ def test_errors_by_channel_add_up_to_the_scores() -> None:
 
 
 def test_an_input_that_never_moves_leaves_the_intervals_of_the_others() -> None:
-    runs = runs_of(system(3, 1), [2000], noise=1e-3)
+    runs = runs_of(system(3, 1), [800], noise=1e-3)
     (run,) = runs.runs
     dead = np.column_stack([run.inputs, np.zeros(run.samples)])
     with_dead = ms.Signals(outputs=run.outputs, inputs=dead, sampling_rate=run.sampling_rate)
