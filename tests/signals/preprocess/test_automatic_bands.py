@@ -13,9 +13,13 @@ from modalscope.systems import chain5
 from tests.selection.judging.ambient_records import random_structure
 
 
-def test_a_record_sampled_too_fast_is_given_the_band_of_its_modes() -> None:
-    structure = random_structure(3)
-    record = structure.record(5, 0)
+@pytest.fixture(scope="module")
+def calm() -> Signals:
+    return random_structure(3).record(5, 0)
+
+
+def test_a_record_sampled_too_fast_is_given_the_band_of_its_modes(calm: Signals) -> None:
+    structure, record = random_structure(3), calm
     own = automatic_bands(levels_of(record), record.sampling_rate)
     assert own.whole is not None
     assert own.drift is None
@@ -36,9 +40,7 @@ def test_parts_of_a_wide_band_join_and_no_mode_lies_on_a_joint() -> None:
     assert own.whole == (own.parts[0][0], own.parts[1][1])
 
 
-def test_drift_is_found_said_and_taken_off() -> None:
-    structure = random_structure(3)
-    calm = structure.record(5, 0)
+def test_drift_is_found_said_and_taken_off(calm: Signals) -> None:
     walk = np.cumsum(np.random.default_rng(0).standard_normal(calm.outputs.shape), axis=0)
     y = calm.outputs + 20 * walk / np.std(walk, axis=0) * np.std(calm.outputs, axis=0)
     record = Signals(outputs=y, sampling_rate=calm.sampling_rate)
