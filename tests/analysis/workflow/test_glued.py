@@ -34,7 +34,6 @@ def test_pieces_without_errors_give_the_shape() -> None:
     assert found / found[0] == pytest.approx(shape / shape[0], abs=1e-9)
 
 
-@pytest.mark.slow
 def test_deviations_are_those_of_many_draws() -> None:
     shape, sizes, deviations = case(2)
     rng = np.random.default_rng(3)

@@ -329,7 +329,6 @@ def shifting(seed: int, inputs: int = 6) -> FrequencyResponse:
     return add_noise(data, 60, seed)
 
 
-@pytest.mark.slow
 def test_poles_that_shift_from_input_to_input_scatter_as_repeatability_says():
     truth = model(4, 6)
     errors, told = [], []
