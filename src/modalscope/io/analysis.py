@@ -93,10 +93,8 @@ def is_deep(value: Any) -> bool:
     """
     layer = [value]
     for _ in range(_MAX_DEPTH):
-        inner = [
-            list(each.values()) if isinstance(each, Mapping) else each for each in layer if isinstance(each, _NESTED)
-        ]
-        layer = [item for each in inner for item in each]
+        nested = [each for each in layer if isinstance(each, _NESTED)]
+        layer = [item for each in nested for item in (each.values() if isinstance(each, Mapping) else each)]
     return bool(layer)
 
 

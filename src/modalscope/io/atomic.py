@@ -122,8 +122,7 @@ def check_target(path: str | Path, sources: Iterable[Path | None] = ()) -> Path:
         if not target.exists():
             return target
         if not target.is_file():
-            kind = "a folder" if target.is_dir() else "a pipe or a device"
-            fault = f"that is {kind}"
+            fault = "that is a folder" if target.is_dir() else "that is a pipe or a device"
             raise DataError(f"writing {str(path)!r}:", fault, "Name a file in a folder that is there.")
         for source in sources:
             if source is not None and source.exists() and target.samefile(source):

@@ -189,9 +189,8 @@ def _impulse_response(table: _Table) -> ImpulseResponse:
         start = _number(table, "first_sample")
         fields["first_sample"] = int(start) if start.is_integer() else start
     thing, first = ImpulseResponse(sampling_rate=_rate(table), **fields), float(table.columns[0][0])
-    if {"written by", "sampling_rate"} <= set(table.notes) and abs(
-        first - thing.times[0]
-    ) * thing.sampling_rate >= _MAX_SHIFT:
+    late = abs(first - thing.times[0]) * thing.sampling_rate >= _MAX_SHIFT
+    if late and {"written by", "sampling_rate"} <= set(table.notes):
         fault = f"row 1 under the header lies at {first:.9g} s"
         raise needs(table.where, f"samples from {thing.times[0]:.9g} s on", fault, "Restore the missing rows.")
     return thing

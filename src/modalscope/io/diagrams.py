@@ -75,9 +75,8 @@ def document_contents(where: str, document: Mapping[str, Any], space: Room) -> C
 
 
 def _checked(where: str) -> AbstractContextManager[None]:
-    return damage_as_error(
-        f"a stabilization diagram from {where}", "Write the file again.", (*FIELD_FAULTS, RecursionError)
-    )
+    faults = (*FIELD_FAULTS, RecursionError)
+    return damage_as_error(f"a stabilization diagram from {where}", "Write the file again.", faults)
 
 
 def _parted(diagram: StabilizationDiagram) -> tuple[dict[str, Array], dict[str, Any]]:

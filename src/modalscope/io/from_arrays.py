@@ -61,10 +61,8 @@ def contents_from_arrays(
         raise DataError(f"rename or ignore of {', '.join(absent)}:", fault, "Name arrays that are there.")
     taken = {name: array for name, array in arrays.items() if not names[name] & ignore}
     findings = [Finding(part=name, what=_shape(array)) for name, array in taken.items()]
-    findings += [
-        Finding(part=name, what=_shape(arrays[name]), taken=False, reason="ignore names it")
-        for name in sorted(arrays.keys() - taken.keys())
-    ]
+    ignored = ((name, _shape(arrays[name])) for name in sorted(arrays.keys() - taken.keys()))
+    findings += [Finding(part=name, what=what, taken=False, reason="ignore names it") for name, what in ignored]
     lists = lists_of(where, taken) if members else None
     if lists is not None:
         return _without_lists(where, lists, findings, options)
@@ -156,9 +154,8 @@ def _unknown_arrays(where: str, names: list[str], data_class: type[Any] | None) 
     hints: dict[str, str] = {}
     for name in names[:_MAX_NAMES]:
         spelt = next(iter(get_close_matches(name, known, n=1, cutoff=_SPELLING)), None)
-        near = (
-            "sampling_rate" if is_rate(name) else _LETTERS.get(name.lower(), _MEANINGS.get(role_by_words(name), spelt))
-        )
+        meant = _LETTERS.get(name.lower(), _MEANINGS.get(role_by_words(name), spelt))
+        near = "sampling_rate" if is_rate(name) else meant
         if near is not None and near in known and near != name:
             hints[name] = near
     return needs(
@@ -212,9 +209,8 @@ def _with_axes(arrays: dict[str, Array], data_class: type[Any], axes: dict[str, 
 
 def _build(where: str, data_class: type[Any], arrays: dict[str, Array], given: dict[str, Any]) -> DataObject:
     before = {name.removeprefix(UNREFINED): array for name, array in arrays.items() if name.startswith(UNREFINED)}
-    values: dict[str, Any] = {
-        name: field_value(where, name, array) for name, array in arrays.items() if not name.startswith(UNREFINED)
-    }
+    taken = {name: array for name, array in arrays.items() if not name.startswith(UNREFINED)}
+    values: dict[str, Any] = {name: field_value(where, name, array) for name, array in taken.items()}
     if data_class is Geometry:
         return geometry_of_arrays(where, values)
     if data_class is StateSpace:

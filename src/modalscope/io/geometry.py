@@ -182,9 +182,8 @@ def with_places(contents: Contents, exact: bool) -> Contents:
 def _moved_by(geometry: Geometry, motions: Mapping[str, tuple[Motion, ...]]) -> Geometry:
     """Return a geometry with the motion of further channels."""
     names = np.array(geometry.nodes)
-    return replace(
-        geometry, lines=names[geometry.lines], faces=names[geometry.faces], motions={**geometry.motions, **motions}
-    )
+    every = {**geometry.motions, **motions}
+    return replace(geometry, lines=names[geometry.lines], faces=names[geometry.faces], motions=every)
 
 
 def placed_by_number(geometry: Geometry, labels: Sequence[str]) -> dict[str, tuple[Motion, ...]]:
@@ -226,9 +225,9 @@ class _Numbered(NamedTuple):
 def _numbered(label: str) -> _Numbered | None:
     """Return the parts of a label that is a prefix, a number and perhaps a direction, such as P03 or Point 3 +Z."""
     match = _NUMBERED.fullmatch(label.strip())
-    return (
-        None if match is None else _Numbered(match["prefix"].casefold(), int(match["number"]), match["direction"] or "")
-    )
+    if match is None:
+        return None
+    return _Numbered(match["prefix"].casefold(), int(match["number"]), match["direction"] or "")
 
 
 def _vector_of(direction: str) -> tuple[float, float, float] | None:
@@ -376,7 +375,5 @@ def _lines_and_faces(path: Path) -> dict[str, Any]:
         raise needs(f"lines from {path.name}", need, fault, "Leave other columns out.")
     faces = [row for row in rows if len(row) > 2]
     width = max(map(len, faces), default=3)
-    return {
-        "lines": [row for row in rows if len(row) == 2] or None,
-        "faces": [[*row, *[row[-1]] * (width - len(row))] for row in faces] or None,
-    }
+    whole = [[*row, *[row[-1]] * (width - len(row))] for row in faces]
+    return {"lines": [row for row in rows if len(row) == 2] or None, "faces": whole or None}

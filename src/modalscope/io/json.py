@@ -41,7 +41,7 @@ from modalscope.io.contents import Contents, Finding, Options, damage_as_error, 
 from modalscope.io.diagrams import DIAGRAM, document_contents, write_document
 from modalscope.io.from_arrays import contents_from_arrays
 from modalscope.io.limits import room
-from modalscope.numerics.checks import Array, ComplexArray, RealArray
+from modalscope.numerics.checks import ComplexArray, RealArray
 from modalscope.numerics.documents import entries, made, mapping, number, numbers
 from modalscope.numerics.functions.poles import poles_from
 
@@ -140,16 +140,10 @@ def _parts(values: ComplexArray) -> dict[str, list[float]]:
 
 
 def _geometry_out(geometry: Geometry) -> dict[str, Any]:
-    def named(index: Array) -> list[list[str]]:
-        return [[geometry.nodes[i] for i in row] for row in index]
-
-    return {
-        "nodes": list(geometry.nodes),
-        "coordinates": geometry.coordinates.tolist(),
-        "lines": named(geometry.lines),
-        "faces": named(geometry.faces),
-        "motions": geometry.motions,
-    }
+    sides = {"lines": geometry.lines, "faces": geometry.faces}
+    named = {side: [[geometry.nodes[i] for i in row] for row in rows] for side, rows in sides.items()}
+    places = {"nodes": list(geometry.nodes), "coordinates": geometry.coordinates.tolist()}
+    return {**places, **named, "motions": geometry.motions}
 
 
 def read(path: Path, options: Options) -> Contents:

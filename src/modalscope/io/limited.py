@@ -22,11 +22,8 @@ def bound(seconds: int, memory: int) -> None:
         return
     status = Path("/proc/self/statm")
     program = int(status.read_text().split()[0]) * resource.getpagesize() if status.exists() else _BYTES_OF_PROGRAM
-    for kind, most in (
-        (resource.RLIMIT_CPU, seconds),
-        (resource.RLIMIT_AS, program + memory),
-        (resource.RLIMIT_CORE, 0),
-    ):
+    limits = {resource.RLIMIT_CPU: seconds, resource.RLIMIT_AS: program + memory, resource.RLIMIT_CORE: 0}
+    for kind, most in limits.items():
         hard = resource.getrlimit(kind)[1]
         resource.setrlimit(kind, (most if hard == resource.RLIM_INFINITY else min(most, hard), hard))
 

@@ -405,14 +405,9 @@ def _table(evidence: _Evidence, columns: list[Column], arrays: Mapping[str, Arra
         if name in forces:
             roles[len(columns) + 1] = "in"
         columns.append(Column(number=len(columns) + 1, name=bare, unit=bare_unit(unit) or unit_of_head, values=values))
-    return Table(
-        where=evidence.where,
-        columns=tuple(columns),
-        rate=evidence.rate,
-        rate_from=evidence.rate_name,
-        lines=evidence.lines,
-        roles=roles,
-    )
+    rate, source, lines = evidence.rate, evidence.rate_name, evidence.lines
+    of = evidence.where
+    return Table(where=of, columns=tuple(columns), rate=rate, rate_from=source, lines=lines, roles=roles)
 
 
 def with_vectors(arrays: Mapping[str, Array]) -> dict[str, Array]:

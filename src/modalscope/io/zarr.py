@@ -108,9 +108,8 @@ def _arrays(path: Path, space: Room) -> dict[str, Path]:
     """Return the folders of the arrays by name, their heads examined; one array alone is `outputs`."""
     if _head(path) is not None:
         return {"outputs": path}
-    folders = {
-        folder.name: folder for folder in sorted(path.iterdir()) if folder.is_dir() and _head(folder) is not None
-    }
+    inside = (folder for folder in sorted(path.iterdir()) if folder.is_dir())
+    folders = {folder.name: folder for folder in inside if _head(folder) is not None}
     space.parts("arrays", len(folders))
     if not folders:
         raise _damaged(path, "it holds no array", "Give the folder of one array, or of a group of arrays.")

@@ -159,13 +159,8 @@ class Comparison(Shown):
         each : bool
             Whether the values of every method for every mode follow.
         """
-        parts = [
-            self.headline,
-            self._modes_table(),
-            self.verdict,
-            self._methods_table(),
-            *(self._each_tables() if each else ()),
-        ]
+        parts = [self.headline, self._modes_table(), self.verdict, self._methods_table()]
+        parts += self._each_tables() if each else ()
         return "\n\n".join(part for part in parts if part)
 
     def _modes_table(self) -> str:

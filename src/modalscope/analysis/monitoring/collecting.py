@@ -123,17 +123,9 @@ def _entry(task: Task, options: Mapping[str, Any]) -> Entry:
         return Entry(sha256=task.sha256, name=task.name, time=0.0, refused=refused, seen=task.seen)
     if origin != "given" and when > time.time() + _AHEAD_OF_CLOCK:
         said = datetime.fromtimestamp(when, UTC).strftime("%Y-%m-%d %H:%M")
-        refused = (
-            f"its time, {said} by the {origin}, is ahead of the clock. Rename it or mend the clock, then try it again."
-        )
+        late = f"its time, {said} by the {origin}, is ahead of the clock"
+        refused = f"{late}. Rename it or mend the clock, then try it again."
         return Entry(sha256=task.sha256, name=task.name, time=when, refused=refused, seen=task.seen)
-    found = entry_of(
-        task.path,
-        sha=task.sha256,
-        name=task.name,
-        time=when,
-        covariates=task.covariates,
-        origin={"time": origin},
-        options=options,
-    )
+    about: dict[str, Any] = {"name": task.name, "covariates": task.covariates, "origin": {"time": origin}}
+    found = entry_of(task.path, sha=task.sha256, time=when, options=options, **about)
     return replace(found, seen=task.seen)

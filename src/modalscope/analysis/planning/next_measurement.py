@@ -393,12 +393,8 @@ class _Test:
         if times < 2 or grid is None:
             return []
         fine = np.linspace(grid[0], grid[-1], times * (len(grid) - 1) + 1)
-        one: dict[str, Any] = {
-            "values": np.full((len(fine), 1, 1), 1j),
-            "frequencies": fine,
-            "variance": None,
-            "coherence": None,
-        }
+        one: dict[str, Any] = {"frequencies": fine, "values": np.full((len(fine), 1, 1), 1j)}
+        one |= {"variance": None, "coherence": None}
         light = replace(self._response.select(outputs=[0], inputs=[0]), **one)
         told = information(slopes_left(light, self.modes.poles), self._residues[: self._heard, : self._driven])
         self._longer, self._length = told.sum(axis=(0, 1)) / times, times

@@ -154,12 +154,8 @@ def looked_at(
 
 
 #: Options of single channels: they are meant for the channels as they are.
-_OF_CHANNELS = frozenset(
-    (
-        "initial_values",
-        *(f"{side}_{what}" for side in ("row", "column") for what in ("subsets", "weights", "compression")),
-    )
-)
+_OF_SIDES = (f"{side}_{what}" for side in ("row", "column") for what in ("subsets", "weights", "compression"))
+_OF_CHANNELS = frozenset(("initial_values", *_OF_SIDES))
 
 
 def _exchanged(data: Any, document: Analysis) -> tuple[Any, bool | None, tuple[Note, ...]]:

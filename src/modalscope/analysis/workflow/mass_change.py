@@ -148,12 +148,8 @@ def _of_unit_mass(modes: ModalModel, phi: RealArray) -> ModalModel:
 
 
 def _lost(modes: ModalModel, r: int, reason: str, remedy: str) -> Candidate:
-    return Candidate(
-        frequency=float(modes.frequencies[r]),
-        damping_ratio=float(modes.damping_ratios[r]),
-        reason=reason,
-        remedy=remedy,
-    )
+    f, zeta = float(modes.frequencies[r]), float(modes.damping_ratios[r])
+    return Candidate(frequency=f, damping_ratio=zeta, reason=reason, remedy=remedy)
 
 
 def _notes(modes: ModalModel, masses: Mapping[str, float], apart: RealArray) -> tuple[Note, ...]:

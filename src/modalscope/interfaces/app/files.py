@@ -39,12 +39,8 @@ FORMATS = {
 }
 
 #: Suffix -> the package that writes it, and the extra that brings it.
-_NEEDED = {
-    ".docx": ("docx", "office"),
-    ".pptx": ("pptx", "office"),
-    ".h5": ("h5py", "hdf5"),
-    ".xlsx": ("openpyxl", "excel"),
-}
+_NEEDED = {".docx": ("docx", "office"), ".pptx": ("pptx", "office")}
+_NEEDED |= {".h5": ("h5py", "hdf5"), ".xlsx": ("openpyxl", "excel")}
 
 
 def missing_formats() -> dict[str, str]:

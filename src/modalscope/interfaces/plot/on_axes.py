@@ -30,16 +30,8 @@ _LEGEND_DISTANCE = 0.58
 _NAME_DISTANCE = 0.165
 
 #: Matplotlib's markers for the marks of a picture.
-_MARKERS = {
-    "dot": ".",
-    "circle": "o",
-    "square": "s",
-    "diamond": "D",
-    "triangle": "^",
-    "cross": "x",
-    "bar": "_",
-    "stick": "|",
-}
+_MARKERS = {"dot": ".", "circle": "o", "square": "s", "diamond": "D", "triangle": "^"}
+_MARKERS |= {"cross": "x", "bar": "_", "stick": "|"}
 
 #: Characters of title and remark that an inch holds.
 _HEAD_CHARACTERS = 9.5

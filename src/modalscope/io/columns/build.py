@@ -74,9 +74,8 @@ def _read(
     omitted |= {c.number: reading.reasons.get(c.number, "") for c in columns if roles[c.number] in ("ignore", "index")}
     others = [c for c in columns if c is not axis and c.number not in omitted]
     _check_axis(table, axis, kind)
-    table, blank = with_least_lost(
-        table, axis, [c for c in others if roles[c.number] != "time"], reading.option, named=bool(option_roles)
-    )
+    measured = [c for c in others if roles[c.number] != "time"]
+    table, blank = with_least_lost(table, axis, measured, reading.option, named=bool(option_roles))
     omitted |= blank
     kept = {column.number: column for column in table.columns}
     axis, others = axis and kept[axis.number], [kept[c.number] for c in others if c.number not in blank]
@@ -150,9 +149,7 @@ def _with_units(table: Table, units: Any, several: bool) -> Table:
         if name not in ("outputs", "inputs") and (name in known or not (several or name in stems))
         for column in named_columns(table.columns, [str(name)], "units")
     }
-    columns = (
-        replace(column, unit=short_unit(units_by_number.get(column.number, column.unit))) for column in table.columns
-    )
+    columns = (replace(c, unit=short_unit(units_by_number.get(c.number, c.unit))) for c in table.columns)
     return replace(table, columns=tuple(columns))
 
 

@@ -65,10 +65,8 @@ class Stated:
 
         Raises `DataError`: rates that differ, none of which a column of times says.
         """
-        turns = [1.0, 1e-3, 1e-6, 1e-9]
-        agree = [
-            (r, s) for r, s in self.rates if any(abs(step * r * t - 1) < _AGREEMENT for step in steps for t in turns)
-        ]
+        taken = [step * turn for step in steps for turn in (1.0, 1e-3, 1e-6, 1e-9)]
+        agree = [(r, s) for r, s in self.rates if any(abs(step * r - 1) < _AGREEMENT for step in taken)]
         rates = agree or self.rates
         values = [rate for rate, _ in rates]
         if values and max(values) > 1.001 * min(values):

@@ -45,13 +45,8 @@ _ONLY_INPUT = "u1"
 _PREFIX = re.compile(r"^(?:frequency response|frf|transfer function|tf|h[12v]?)(?![A-Za-z0-9])[\s:_(]*", re.IGNORECASE)
 _PAIR = re.compile(r"^(?P<out>[^/]+?)\s*(?:/|<-|->)\s*(?P<in>[^/]+?)$")
 _OTHER_PART = {"real": "imag", "imag": "real", "mag": "phase", "phase": "mag"}
-WORDS_OF_PARTS = {
-    "real": "real part",
-    "imag": "imaginary part",
-    "mag": "magnitude",
-    "phase": "phase",
-    "coh": "coherence",
-}
+WORDS_OF_PARTS = {"real": "real part", "imag": "imaginary part", "mag": "magnitude"}
+WORDS_OF_PARTS |= {"phase": "phase", "coh": "coherence"}
 
 
 def part_of(name: str) -> tuple[str, str] | None:
@@ -347,8 +342,8 @@ def matrix_of(where: str, responses: Responses) -> tuple[Any, Any, Any, Array]:
         remedy = "Export them, or leave the others of that channel out with --ignore."
         raise needs(where, "a response of every output to every input", fault, remedy)
     units = (
-        tuple(responses[output, inputs[0]][1][0] for output in outputs),
-        tuple(responses[outputs[0], into][1][1] for into in inputs),
+        tuple(responses[o, inputs[0]][1][0] for o in outputs),
+        tuple(responses[outputs[0], i][1][1] for i in inputs),
     )
     values = np.stack([np.stack([responses[o, i][0] for i in inputs], axis=-1) for o in outputs], axis=1)
     return outputs, inputs, units, values

@@ -20,10 +20,8 @@ from modalscope.io.columns.words import kind_of_unit
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 
 #: What a column may be in a record, and in responses. The first is what it is when nothing speaks for any.
-_IN_RECORDS, _IN_RESPONSES = (
-    ("out", "in", "index", "ignore"),
-    ("", "real", "imag", "mag", "phase", "coh", "index", "ignore"),
-)
+_IN_RECORDS = ("out", "in", "index", "ignore")
+_IN_RESPONSES = ("", "real", "imag", "mag", "phase", "coh", "index", "ignore")
 _BY_PLACE = "by its place: pairs are causal responses"
 #: Readings this near in log likelihood are asked about: odds of 10 to 1.
 NEAR = 2.3

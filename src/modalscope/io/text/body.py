@@ -156,10 +156,8 @@ def _check_last(where: str, odd: Sequence[tuple[int, str]], last: int, width: in
 def _notes(odd: Sequence[tuple[int, str]], last: int) -> list[str]:
     """Return what was ignored, inside of the table and under it."""
     notes = []
-    for words, lines in (
-        ("among the rows", [x for x in odd if x[0] < last]),
-        ("under the table", [x for x in odd if x[0] > last]),
-    ):
+    among, under = ([x for x in odd if x[0] < last], [x for x in odd if x[0] > last])
+    for words, lines in (("among the rows", among), ("under the table", under)):
         if lines:
             shown = lines[0][1].strip()[:CHARACTERS_SHOWN]
             notes.append(f"{counted(len(lines), 'line')} {words} ignored ({shown!r} ...)")

@@ -57,11 +57,8 @@ def is_stamp(cell: str) -> bool:
     >>> [is_stamp(cell) for cell in cells]
     [True, True, True, False, False]
     """
-    return (
-        4 <= len(cell) <= _MAX_CHARACTERS_OF_STAMP
-        and not cell[-1].isspace()
-        and any(form.match(cell) for form in _FORMS)
-    )
+    may_be = 4 <= len(cell) <= _MAX_CHARACTERS_OF_STAMP and not cell[-1].isspace()
+    return may_be and any(form.match(cell) for form in _FORMS)
 
 
 def _day_and_seconds(cell: str) -> tuple[int, float]:

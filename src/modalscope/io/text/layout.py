@@ -93,15 +93,10 @@ def layout_of(lines: Sequence[str], dialect: Dialect) -> Layout | None:
     listed = _listed(lines[:body], width)
     names, units, name_line, unit_line = listed or _head(lines, rows, body, width, dialect)
     used = {name_line, unit_line, *(range(name_line, name_line + width) if listed else ())}
-    facts = [
-        Statement(k, *fact)
-        for k, line in enumerate(lines[:body])
-        if k not in used
-        for fact in statements_of(line[:_MAX_CHARACTERS], dialect)
-    ]
-    return Layout(
-        width=width, body=body, names=names, units=units, name_line=name_line, unit_line=unit_line, facts=tuple(facts)
-    )
+    above = [(k, line[:_MAX_CHARACTERS]) for k, line in enumerate(lines[:body]) if k not in used]
+    facts = tuple(Statement(k, *fact) for k, line in above for fact in statements_of(line, dialect))
+    at = {"width": width, "body": body, "name_line": name_line, "unit_line": unit_line}
+    return Layout(names=names, units=units, facts=facts, **at)
 
 
 def _listed(above: Sequence[str], width: int) -> tuple[tuple[str, ...], tuple[str, ...], int, int] | None:
@@ -184,10 +179,8 @@ def _head(
     split_cells = [split_head("" if k == 0 and _is_row_name(cell) else cell) for k, cell in enumerate(cells)]
     units = [unit for _, unit in split_cells]
     if unit_line >= 0:
-        own = [
-            split_head(cell)[1] if k < heading else "" if _is_row_name(cell) else _bare(cell)
-            for k, cell in enumerate(below)
-        ]
+        own = [split_head(cell)[1] for cell in below[:heading]]
+        own += ["" if _is_row_name(cell) else _bare(cell) for cell in below[heading:]]
         units = [unit if is_unit(unit) else below_it or unit for below_it, unit in zip(own, units, strict=True)]
     return tuple(name for name, _ in split_cells), tuple(units), line, unit_line
 
@@ -285,9 +278,8 @@ def _fitted(
 def _name_columns(cells: Sequence[str]) -> bool:
     """Whether cells name columns, no numbers among them; a key and its value are two cells, of which one at most is known."""
     known = sum(bool(meanings_of(cell) or part_of(cell) or is_unit(_bare(cell))) for cell in cells)
-    return (
-        len(cells) > 1 and (len(cells) > 2 or known == 2) and not any(is_number(c) or _STATED.match(c) for c in cells)
-    )
+    several = len(cells) > 2 or known == len(cells) == 2
+    return several and not any(is_number(c) or _STATED.match(c) for c in cells)
 
 
 def _by_place(line: str, places: Places) -> list[str]:
@@ -326,12 +318,8 @@ def _units_after(cells: Sequence[str]) -> int | None:
     ):
         return 0
     strong = [cell for cell in units if kind_of_unit(_bare(cell)) not in ("", "none") and not is_ambiguous(_bare(cell))]
-    if (
-        strong
-        and len(filled) > 1
-        and 2 * len(units) > len(filled)
-        and not any(meanings_of(cell) for cell in filled if cell not in units)
-    ):
+    named = any(meanings_of(cell) for cell in filled if cell not in units)
+    if strong and len(filled) > 1 and 2 * len(units) > len(filled) and not named:
         return 0  # of some the unit is not known
     if not filled or filled[0] != cells[0]:
         return None

@@ -215,11 +215,8 @@ def _is_one_process(rows: Sequence[Sequence[str]]) -> bool:
     if not np.isfinite(whole).all():
         return False
     spreads, middle = whole.std(axis=0), float(np.median(whole.std(axis=0)))
-    alike = (
-        middle > 0
-        and np.all(np.abs(spreads / middle - 1) < _SAME_SPREAD)
-        and np.ptp(whole.mean(axis=0)) < _SAME_MEAN * middle
-    )
+    spread = np.abs(spreads - middle).max() < _SAME_SPREAD * middle
+    alike = spread and np.ptp(whole.mean(axis=0)) < _SAME_MEAN * middle
     if not alike or len(rows[-1]) < width:
         return bool(alike)
     inside = np.corrcoef(whole[:, :-1].ravel(), whole[:, 1:].ravel())[0, 1]

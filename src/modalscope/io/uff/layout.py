@@ -178,12 +178,8 @@ def unit_in_ascii(text: str) -> str:
     'um/s2'
     """
     plain = text.translate(_SIGNS)
-    if (
-        not (plain.isascii() and plain.isprintable())
-        or len(plain) > _COLUMNS_OF_UNIT
-        or plain != plain.strip()
-        or plain.upper() == "NONE"
-    ):
+    short = plain == plain.strip() and len(plain) <= _COLUMNS_OF_UNIT and plain.upper() != "NONE"
+    if not (short and plain.isascii() and plain.isprintable()):
         fault = f"it has {_COLUMNS_OF_UNIT} columns for ASCII characters there, with no blank at either end, and NONE means none"
         remedy = "Shorten or rename it, or choose another format."
         raise DataError(f"writing the unit {text!r} to a universal file:", fault, remedy)

@@ -18,10 +18,8 @@ _HEAD = tuple(Field(name, 10, "i") for name in ("node", "definition system", "di
 _XYZ = tuple(Field(axis, 13, "e") for axis in "xyz")
 _XYZ_LONG = tuple(Field(axis, 25, "e") for axis in "xyz")
 _TRACE = tuple(Field(name, 10, "i") for name in ("trace line", "number of nodes", "color"))
-_ELEMENT = tuple(
-    Field(name, 10, "i")
-    for name in ("element", "descriptor", "physical table", "material table", "color", "number of nodes")
-)
+_OF_ELEMENT = ("element", "descriptor", "physical table", "material table", "color", "number of nodes")
+_ELEMENT = tuple(Field(name, 10, "i") for name in _OF_ELEMENT)
 _SYSTEM = tuple(Field(name, 10, "i") for name in ("system", "type", "color"))
 #: Descriptors of rods and beams, which have a record of their own; the type of Cartesian coordinate systems; nodes in a line of a set 82.
 _RODS, _CARTESIAN, _NODES_OF_LINE = (11, 21, 22, 23, 24), 0, 8

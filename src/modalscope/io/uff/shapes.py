@@ -144,9 +144,7 @@ def _values(where: str, lines: Sequence[bytes], head: dict[str, int]) -> dict[tu
             data += _reals(where, more)
         if len(data) != count or (node, directions[0]) in values:
             raise DataError(f"{where} needs {count} numbers once for node {node}", f"it has {len(data)}", DAMAGED)
-        parts = (
-            [complex(*pair) for pair in zip(data[::2], data[1::2], strict=True)] if cplx else list(map(complex, data))
-        )
+        parts = list(map(complex, data[::2], data[1::2])) if cplx else list(map(complex, data))
         values |= {(node, code): value for code, value in zip(directions, parts, strict=True)}
     return values
 
@@ -190,11 +188,8 @@ def _fields_stated(stated: Sequence[dict[str, list[float]]]) -> dict[str, Any]:
     pairs = {f"{name}_{word}": of(word, k) for word in _WORDS for k, name in enumerate(_NAMES)}
     degrees = [of("degrees", k) for k in range(2)]
     both = [column for column in degrees if column is not None]
-    return {
-        **pairs,
-        "damping_ratios_lower": of("lower", 0),
-        "degrees": np.stack(both, axis=1) if len(both) == 2 else None,
-    }
+    both_degrees = np.stack(both, axis=1) if len(both) == 2 else None
+    return {**pairs, "damping_ratios_lower": of("lower", 0), "degrees": both_degrees}
 
 
 def write_shapes(modes: ModalModel, dataset: int) -> bytes:

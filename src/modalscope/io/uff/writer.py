@@ -32,10 +32,8 @@ def write(path: Path, thing: ArrayData, options: Options) -> None:
     Raises `DataError`: labels that have neither a node number nor a short name, or something that has no place in the format.
     """
     choices = {"dataset": (55, 2414), "nodes": (2411, 15), "lines": (82, 2412)}
-    dataset, nodes, lines = (
-        int(check_choice(name, str(options.get(name, of_name[0])), map(str, of_name)))
-        for name, of_name in choices.items()
-    )
+    given = {name: str(options.get(name, known[0])) for name, known in choices.items()}
+    dataset, nodes, lines = (int(check_choice(name, given[name], map(str, choices[name]))) for name in choices)
     data = _header()
     if isinstance(thing, StateSpace):
         fault = "there is no such dataset"
@@ -90,10 +88,8 @@ def _frequency(frf: FrequencyResponse) -> list[Function]:
     functions = [Function(kind=_FRF, values=frf.values[:, i, j], **fields, **common) for i, j, fields in _pairs(frf)]
     gamma = frf.coherence
     if gamma is not None and gamma.ndim == 3:
-        functions += [
-            Function(kind=_COHERENCE, output=f["output"], input=f["input"], values=gamma[:, i, j], **common)
-            for i, j, f in _pairs(frf)
-        ]
+        labels = [(i, j, {side: fields[side] for side in ("output", "input")}) for i, j, fields in _pairs(frf)]
+        functions += [Function(kind=_COHERENCE, values=gamma[:, i, j], **of, **common) for i, j, of in labels]
     elif gamma is not None:
         multiple = zip(frf.output_dofs, gamma.T, strict=True)
         functions += [Function(kind=_MULTIPLE, output=dof, input="", values=g, **common) for dof, g in multiple]

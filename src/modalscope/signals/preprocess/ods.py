@@ -107,13 +107,8 @@ def _positive(name: str, values: Any, what: str) -> list[float]:
 def _shapes(data: Any, frequencies: Array, shapes: Array, at: str) -> ModalModel:
     text = f"Operating deflection shapes, not modes: the motion of all modes at {at}"
     labels = {name: value for name, value in data.labelled().items() if name in ("output_dofs", "geometry")}
-    return ModalModel(
-        poles=2j * np.pi * frequencies,
-        shapes=shapes,
-        scaling="as measured",
-        notes=(Note("deflection shapes", {}, text),),
-        **labels,
-    )
+    notes = (Note("deflection shapes", {}, text),)
+    return ModalModel(poles=2j * np.pi * frequencies, shapes=shapes, scaling="as measured", notes=notes, **labels)
 
 
 def _at_times(data: Any, time: Any) -> ModalModel:
