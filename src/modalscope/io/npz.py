@@ -6,6 +6,7 @@ import struct
 import zipfile
 from ast import literal_eval
 from math import prod
+from operator import index
 from pathlib import Path
 from typing import Any
 
@@ -23,8 +24,12 @@ from modalscope.io.loose import points_of
 from modalscope.numerics.checks import Array
 
 _MAGIC = b"\x93NUMPY"
+#: Version of an array -> the bytes that hold the size of its head, and how the head is coded.
+_VERSIONS = {b"\1\0": (2, "latin-1"), b"\2\0": (4, "latin-1"), b"\3\0": (4, "utf-8")}
 #: Bytes of the head of an array at most, as NumPy has it.
 _BYTES_OF_HEAD = 10_000
+#: Bytes that are read at once.
+_BYTES_TOGETHER = 1 << 20
 #: Bytes at the end of an archive that hold the place of its list of members, and of the longest list (some ten thousand members).
 _BYTES_OF_END, _BYTES_OF_DIRECTORY = 1 << 16, 1_000_000
 
@@ -34,7 +39,9 @@ def read_npy(path: Path, options: Options) -> Contents:
 
     Raises `DataError`: no array, a pickle, another size than its head says, more than two axes, more channels than samples.
     """
-    array = _array(path, room(path.name, path.stat().st_size))
+    space = room(path.name, path.stat().st_size)
+    with damage_as_error(f"{path.name} as a NumPy array", "Write it again with numpy.save."), path.open("rb") as file:
+        array = _array(file, path.name, "its array", space.size, space)
     points = points_of(array) if not array.dtype.names else None
     if points is not None:
         fields = [(name, values[:, None]) for name, values in points]
@@ -70,35 +77,39 @@ def _columns(where: str, array: Array, transpose: bool) -> Array:
     return array.T if transpose else array
 
 
-def _array(path: Path, space: Room) -> Array:
-    """Return the array of a file, its head first compared with the size of the file."""
-    with damage_as_error(f"{path.name} as a NumPy array", "Write it again with numpy.save."), path.open("rb") as file:
-        _check_head(file, path.name, "its array", space.size, space)
-        file.seek(0)
-        return np.asarray(np.lib.format.read_array(file, allow_pickle=False))
+def _array(file: Any, where: str, name: str, size: int, space: Room) -> Array:
+    """Return the array that a file or a member of an archive is, its head first compared with its size, and with the room.
 
-
-def _check_head(file: Any, where: str, name: str, size: int, space: Room) -> None:
-    """Compare the shape in the head of an array with its size in the file, and with the room."""
+    `size`: bytes of the file or of the member, as the archive states them.
+    """
     if file.read(len(_MAGIC)) != _MAGIC:
         raise ValueError(f"{name} does not begin as an array")
-    version = tuple(file.read(2))
-    begin = file.tell()
-    size_of_head = int.from_bytes(file.read(2 if version == (1, 0) else 4), "little")
-    try:  # NumPy mends such a head, and warns
-        literal_eval(file.read(min(size_of_head, _BYTES_OF_HEAD)).decode("latin-1"))
-    except SyntaxError:
+    width, coding = _VERSIONS[file.read(2)]
+    size_of_head = int.from_bytes(file.read(width), "little")
+    try:
+        head = literal_eval(file.read(min(size_of_head, _BYTES_OF_HEAD)).decode(coding))
+        dtype, shape = np.lib.format.descr_to_dtype(head["descr"]), tuple(map(index, head["shape"]))
+    except TypeError:
+        raise ValueError(f"{name} has a head that says no type and no shape") from None
+    except SyntaxError:  # NumPy mends such a head, and warns
         fault = "the head of an array has the long numbers of Python 2, or is damaged"
         raise unreadable(where, fault, "Load it with numpy.load and store it again with numpy.savez.") from None
-    file.seek(begin)
-    read_head: Any = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-    shape, _, dtype = read_head(file)
     if dtype.hasobject:
         fault = "it holds pickled objects, which can run any program when they are loaded"
         raise unreadable(where, fault, "Store plain arrays: numbers, and text as numpy.array([...], dtype=str).")
-    if min(shape, default=0) < 0 or file.tell() + prod(shape) * dtype.itemsize != size:
+    begin = len(_MAGIC) + 2 + width + size_of_head
+    if min(shape, default=0) < 0 or begin + prod(shape) * dtype.itemsize != size:
         raise ValueError(f"{name} has the shape {shape} and {size} bytes")
     space.array(name, dtype, prod(shape))
+    array = np.empty(prod(shape), dtype)
+    data = array.view(np.uint8) if array.nbytes else array
+    for start in range(0, array.nbytes, _BYTES_TOGETHER):
+        part = data[start : start + _BYTES_TOGETHER]
+        if file.readinto(part) != part.size:
+            raise ValueError(f"{name} is cut off")
+    file.read(1)  # behind the last byte an archive compares its checksum
+    check_characters(name, array)
+    return array.reshape(shape, order="F" if head["fortran_order"] else "C")
 
 
 def read(path: Path, options: Options) -> Contents:
@@ -125,12 +136,7 @@ def _arrays(path: Path, space: Room) -> dict[str, Array]:
         for member in members:
             name = member.filename.removesuffix(".npy")
             with archive.open(member) as stream:
-                _check_head(stream, path.name, name, member.file_size, space)
-            with archive.open(member) as stream:
-                arrays[name] = np.lib.format.read_array(stream, allow_pickle=False)
-                if stream.read(1):
-                    raise ValueError(f"{member.filename} is longer than its array")
-            check_characters(name, arrays[name])
+                arrays[name] = _array(stream, path.name, name, member.file_size, space)
     return arrays
 
 
