@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import fields, replace
 from functools import partial
 from importlib import import_module
 from pathlib import Path
+from shlex import quote
 from tempfile import TemporaryDirectory
 from typing import Any, get_args
 
@@ -172,7 +174,7 @@ def _contents(path: Path, options: Options) -> Contents:
 
 def _whole_contents(path: Path, options: Options) -> Contents:
     if path.is_dir() and not (path.suffix.lower() in FORMATS and FORMATS[path.suffix.lower()].folder):
-        raise unreadable(repr(str(path)), "that is a folder", "Name a file in it.")
+        raise unreadable(repr(str(path)), "that is a folder", _remedy_of_folder(path))
     row = format_of(path, "reading")
     if not path.exists():
         raise unreadable(repr(str(path)), "there is no such file", "Check the name and the folder.")
@@ -189,6 +191,18 @@ def _whole_contents(path: Path, options: Options) -> Contents:
     if options.get("geometry") is None:
         return whole
     return _of("geometry", "with_places")(whole, bool(options.get("exact_nodes")))  # type: ignore[no-any-return]
+
+
+def _remedy_of_folder(path: Path) -> str:
+    """Return what to name instead of a folder: its files by their suffixes, or where it has none those of the folders in it."""
+    levels = (sorted(path.glob(depth)) for depth in ("[!.]*", "[!.]*/[!.]*"))
+    known = ([each for each in level if each.suffix.lower() in FORMATS and is_data(each)] for level in levels)
+    files = next(filter(None, known), [])
+    patterns = Counter(f"{quote(each.parent.as_posix())}/*{each.suffix}" for each in files)
+    if not files:
+        return "Name a file; none in it has a suffix that is read."
+    named = " or ".join(pattern for pattern, _ in patterns.most_common(_MAX_PATTERNS))
+    return f"Name a file in it, such as {quote(files[0].as_posix())}, or several: {named}"
 
 
 def _packed(path: Path, options: Options) -> Contents:
@@ -306,6 +320,8 @@ def _check_names(option: str, given: Any) -> None:
     raise DataError(f"{option} needs a mapping of names to text", f"it is {given!r}", remedy)
 
 
+#: Patterns of files that a message names instead of their folder, at most.
+_MAX_PATTERNS = 3
 #: What can be written, and the suffixes that hold a diagram with its response.
 _WRITTEN = (
     *(FrequencyResponse, ImpulseResponse, Signals, ModalModel, Geometry, StateSpace),

@@ -54,3 +54,24 @@ def test_conjugated_responses_are_turned_by_the_option_that_is_printed(
     ms.write(records, ms.Signals(outputs=np.ones((20, 1)) * np.arange(20)[:, None], sampling_rate=1.0))
     assert main(["info", str(records), "--conjugate"]) != 0
     assert "the options conjugate: the file gives records" in capsys.readouterr().err
+
+
+def test_a_folder_is_answered_by_what_names_its_files_which_any_shell_may_hand_on(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = tmp_path / "hits [1]" / "first"
+    folder.mkdir(parents=True)
+    for name in ("a.csv", "b.csv", ".hidden.csv"):
+        (folder / name).write_text("time,acc\n" + "".join(f"{k / 100},{k * k % 17}\n" for k in range(99)))
+    (folder / "notes").touch()
+    monkeypatch.chdir(tmp_path)
+    assert main(["info", "hits [1]"]) == 2
+    said = capsys.readouterr().err
+    assert "that is a folder. Name a file in it, such as 'hits [1]/first/a.csv', or several: 'hits [1]/first'/*" in said
+    assert main(["info", "hits [1]/first/*.csv", "hits [1]/first/none*.csv"]) == 2
+    assert "none*.csv': there is no such file" in capsys.readouterr().err
+    assert main(["info", "hits [1]/first/*.csv"]) == 0
+    assert "together: records: " in capsys.readouterr().out
+    (tmp_path / "bare").mkdir()
+    assert main(["info", "bare"]) == 2
+    assert "Name a file; none in it has a suffix that is read." in capsys.readouterr().err

@@ -53,6 +53,7 @@ def _run(words: Sequence[str]) -> None:
 
     from modalscope.interfaces.cli.commands import build_parser
     from modalscope.interfaces.cli.config import command_first, configured
+    from modalscope.interfaces.cli.parser import expanded
     from modalscope.numerics.errors import AT_TERMINAL
     from modalscope.numerics.progress import stages_shown
 
@@ -61,6 +62,8 @@ def _run(words: Sequence[str]) -> None:
     parser = build_parser()
     try:
         options = parser.parse_args(configured(command_first(words)), argparse.Namespace(command_line=command_line))
+        if hasattr(options, "files"):
+            options.files = expanded(options.files)
         listen(options.quiet, options.verbose, options.log)
         VOICE.aside = STDOUT in map(str, getattr(options, "outputs", ()))
         with stages_shown(progress):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import re
 import sys
 from collections.abc import Callable
 from functools import partial
@@ -57,6 +58,16 @@ def memory(text: str) -> int:
     if not 1 <= size < float("inf"):
         raise ValueError
     return int(size)
+
+
+def expanded(files: list[Path]) -> list[Path]:
+    """Return files, and of patterns what matches them: some shells hand them on as they are typed, as all do in quotes."""
+    patterns = {
+        file: re.sub(r"\*+", "*", file.name) for file in files if set("*?[") & set(file.name) and not file.exists()
+    }
+    found = {file: sorted(file.parent.glob(pattern)) for file, pattern in patterns.items()}
+    shown = {file: [each for each in names if not each.name.startswith(".")] for file, names in found.items()}
+    return [each for file in files for each in shown.get(file) or [file]]
 
 
 #: Name of a value in the usage of an option -> its type; of others it is text.
@@ -177,7 +188,7 @@ def add_geometry(parser: Parser) -> None:
     add("--geometry FILE", "sensor positions: a table node,x,y,z, a universal file or a mesh", type=str)
     add("--lines FILE", "lines of the geometry: a table of pairs of nodes", type=str)
     add("--exact-nodes", "place no channel by its number alone (P3 at node 3)")
-    limit = "memory limit for reading and processing a file, such as 8GB (reading: 500 MB or 20 times the file)"
+    limit = "memory limit for reading and processing a file, such as 8GB (reading: 500 MB, or 20 to 80 times the file)"
     add("--max-memory SIZE", limit)
     add = parser.group(_TABLES)
     add("--sampling-rate HZ", "sampling rate in Hz, if the file does not state it")
