@@ -17,7 +17,7 @@ LEFT = 125_000_000
 
 #: Parts of the bombs' names, and of what is said about them.
 SAID = {
-    "a terabyte that is not there": "where 125000000 are left",
+    "a terabyte that is not there": "takes 1000000 MB of memory, and may take 125 MB",
     "a piece larger": "comes in pieces",
     "pieces without number": "10000000 pieces of 0 bytes",
     "a link to another file": "is a link to another file",

@@ -1,5 +1,6 @@
 """MATLAB files: structures, foreign classes, and axes that MATLAB drops."""
 
+import re
 import struct
 import zlib
 
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 
 import modalscope.io as mio
+from modalscope.interfaces.cli import main
 from tests.io import samples
 from tests.io.bombs import BOMBS, element
 from tests.support import refused
@@ -145,3 +147,32 @@ def test_a_cell_that_stands_in_others_again_and_again_is_refused_at_once(tmp_pat
     path = tmp_path / "a.mat"
     BOMBS["cells of the same cell, eleven deep (7.3).mat"](path)
     refused("stands in several places", mio.read, path)
+
+
+def test_what_unpacks_to_more_than_a_file_may_is_weighed_before_by_its_name_and_read_as_the_message_says(
+    tmp_path, capsys
+):
+    import scipy.io as sio
+
+    path = tmp_path / "quiet.mat"
+    acc = np.round(np.random.default_rng(0).standard_normal((500, 2)), 1)
+    sio.savemat(path, {"acc": acc, "fs": 100.0, "spare": np.zeros(300_000)}, do_compression=True)
+    try:
+        assert main(["info", str(path), "--max-memory", "4MB"]) == 2
+        said = capsys.readouterr().err
+        assert re.search(
+            r"with spare its arrays take 2 MB of memory or more; those of a file of \d kB may take 1 MB", said
+        )
+        assert main(["info", str(path), "--max-memory", "4MB", "--ignore", "spare"]) == 0  # it is not unpacked
+        (option,) = re.findall(r"raise the limit: (--max-memory \d+GB)", said)
+        assert main(["info", str(path), *option.split(), "--ignore", "acc"]) == 0
+    finally:
+        mio.set_max_memory(None)
+
+
+def test_compressed_data_that_are_more_than_they_say_are_damage(tmp_path):
+    path = tmp_path / "a.mat"
+    mio.write(path, samples.records())
+    packed = zlib.compress(element(14, b"") + bytes(1000))
+    path.write_bytes(path.read_bytes()[:128] + struct.pack("<II", 15, len(packed)) + packed)
+    refused("cut off, or more than they say", mio.read, path)

@@ -29,6 +29,7 @@ from modalscope.systems import chain5
         ("--exclude 3 4", "exclude=['3', '4']"),
         ('--test "run 1" of a.mat', "sheet='run 1' of a.mat"),
         ("raise it: --max-memory, or modalscope.io.set_max_memory.", "raise it: modalscope.io.set_max_memory."),
+        ("raise it: --max-memory 17GB", "raise it: modalscope.io.set_max_memory(17 * 10**9)"),
         ("start `modalscope app --folder` there", "start `modalscope app --folder` there"),
         ("give one, or one each; a -- b, x--y, 1e-3", "give one, or one each; a -- b, x--y, 1e-3"),
     ],

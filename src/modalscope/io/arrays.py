@@ -206,7 +206,7 @@ def field_value(where: str, name: str, array: Array) -> Any:
 
 def _scalar(where: str, name: str, value: Any) -> Any:
     if name in JSON:
-        room(where, 0).json(name, value)
+        room(where, len(value)).json(name, value)
         try:
             return json.loads(value)
         except (ValueError, RecursionError) as error:

@@ -26,7 +26,7 @@ from modalscope.io.columns.vocabulary import key_meaning
 from modalscope.io.columns.words import is_unit
 from modalscope.io.contents import ArrayData, Contents, Options, damage_as_error, unreadable
 from modalscope.io.from_arrays import contents_from_arrays
-from modalscope.io.limits import RAISE_THE_LIMIT, Room, room
+from modalscope.io.limits import Room, raise_the_limit, room
 from modalscope.io.stored import Hdf5Rows, name_of_outputs, stays_stored, stored_contents
 from modalscope.numerics.checks import Array
 from modalscope.numerics.errors import optional_package
@@ -191,7 +191,7 @@ def check_hdf5(path: Path, room: Room, streamed: str = "") -> None:
     except UnicodeEncodeError:
         answer = ["its name has characters that no text has", "Rename the file."]
     if answer:
-        raise unreadable(f"{path.name} as HDF5", answer[0], answer[1] or RAISE_THE_LIMIT)
+        raise unreadable(f"{path.name} as HDF5", answer[0], answer[1] or raise_the_limit())
 
 
 def names_in(path: Path) -> list[str]:

@@ -130,7 +130,8 @@ def _dataset(name: str, item: Any, visit: _Visit) -> None:
         _stretches(name, item, plist, size, visit)
         return
     if size > visit.left:
-        raise Refused(f"{name} has the shape {item.shape}, {size} bytes, where {visit.left} are left", "")
+        sizes = f"{size / 1e6:.0f} MB of memory, and may take {visit.left / 1e6:.0f} MB"
+        raise Refused(f"{name} of shape {item.shape} takes {sizes}", "")
     visit.left -= size
     if layout == h5d.CHUNKED:
         _chunks(name, item, plist, visit)
@@ -198,7 +199,7 @@ def _objects(name: str, item: Any, visit: _Visit) -> None:
 def _text(name: str, value: bytes, visit: _Visit) -> None:
     visit.left -= _BYTES_OF_TEXT + len(value)
     if visit.left < 0:
-        raise Refused(f"the texts of {name} take more memory than there may be", "")
+        raise Refused(f"the texts of {name} take more memory than those of such a file may", "")
     value.decode()
 
 

@@ -1,9 +1,10 @@
 """Bound the memory and the time that reading a file may take.
 
-A file states how many numbers it holds, and packed ones may be many in few bytes. Before anything of that size is made it is
-weighed here: reading may take 500 MB, or twenty times the file where that is more. The arrays alone may take a quarter, for
-they are inflated, joined and checked at the same time. What is weighed, and every few lines of a text, is also asked of the processor's
-time: a minute, or two seconds for each megabyte where that is more. `set_max_memory` lifts both bounds for the whole process.
+A file states how many numbers it holds, and packed ones may be many in few bytes. Before anything of that size is made it is weighed
+here: reading may take 500 MB, or twenty times the file where that is more, or up to eighty times where the machine has that memory left.
+The arrays alone may take a quarter, for they are inflated, joined and checked at the same time. What is weighed, and every few lines of a
+text, is also asked of the processor's time: a minute, or two seconds for each megabyte where that is more. `set_max_memory` lifts both
+bounds for the whole process.
 """
 
 from __future__ import annotations
@@ -17,12 +18,11 @@ import numpy as np
 from modalscope.data import DataError
 from modalscope.io.contents import unreadable
 from modalscope.numerics.checks import Array
-from modalscope.numerics.resources import in_words, set_allowed_memory
+from modalscope.numerics.resources import allowed_memory, in_words, set_allowed_memory
 
-#: What a user does who trusts a file.
-RAISE_THE_LIMIT = "If you trust the file, raise the limit: --max-memory, or modalscope.io.set_max_memory."
-#: Bytes that reading may take at least, and by size of the file.
-_MIN_BYTES, _BYTES_BY_SIZE = 500_000_000, 20
+#: Bytes that reading may take at least, by size of the file, and by size where the machine has them left: the counts of a converter that
+#: scatter by one are packed to a twentieth of the doubles that they become (16 bits each, deflated), those that scatter by 30 to a seventh.
+_MIN_BYTES, _BYTES_BY_SIZE, _BYTES_BY_PACKED_SIZE = 500_000_000, 20, 80
 #: Seconds of the processor that reading may take at least, and bytes for each: tables with dates and times in two columns, the slowest, are
 #: read at .8 MB a second.
 _MIN_SECONDS, _BYTES_BY_SECOND = 60.0, 500_000
@@ -44,7 +44,7 @@ def set_max_memory(size: int | None) -> None:
     Parameters
     ----------
     size : int or None
-        Bytes; None for what holds otherwise, 500 MB or twenty times the file, the larger.
+        Bytes; None for what holds otherwise: 500 MB, or 20 times the file, or up to 80 times where the machine has them left.
 
     Raises
     ------
@@ -65,16 +65,26 @@ def set_max_memory(size: int | None) -> None:
     set_allowed_memory(size)
 
 
+def raise_the_limit(arrays: int = 0) -> str:
+    """Return what a user does who trusts a file: whole gigabytes, as many as the machine has left or as the arrays need.
+
+    `arrays`: their bytes.
+    """
+    size = max(allowed_memory() // 10**9, -(-_COPIES * arrays // 10**9), 1)
+    return f"If you trust the file, raise the limit: --max-memory {size}GB"
+
+
 @dataclass(slots=True)
 class Room:
-    """What is left of the memory and the time that one file may take.
+    """The memory and the time that one file may take.
 
-    `size`: its bytes on the disk. `left`: bytes that its arrays may still take. `ends`: until which processor time of this thread
-    it is read.
+    `size`: its bytes on the disk. `most`: bytes that its arrays may take; `left`: those that they may still take. `ends`: until which
+    processor time of this thread it is read.
     """
 
     where: str
     size: int
+    most: int
     left: int
     ends: float = np.inf
 
@@ -82,15 +92,15 @@ class Room:
         """Refuse to go on with a file that has taken more of the processor than one of its size may."""
         if thread_time() > self.ends:
             fault = f"reading it takes more of the processor than a file of {in_words(self.size)} may"
-            raise unreadable(self.where, fault, RAISE_THE_LIMIT)
+            raise unreadable(self.where, fault, raise_the_limit())
 
     def take(self, what: str, count: int) -> None:
         """Use up so many bytes, or raise a `DataError` that names what asked for them."""
         self.in_time()
         if count > self.left:
-            sizes = f"{in_words(self.size)} may take {in_words(self.left)} more"
-            fault = f"{what} would take {in_words(count)} of memory, and a file of {sizes}"
-            raise unreadable(self.where, fault, RAISE_THE_LIMIT)
+            need, sizes = self.most - self.left + count, f"{in_words(self.size)} may take {in_words(self.most)}"
+            fault = f"with {what} its arrays take {in_words(need)} of memory or more; those of a file of {sizes}"
+            raise unreadable(self.where, fault, raise_the_limit(need))
         self.left -= count
 
     def array(self, name: str, dtype: np.dtype[Any], count: int) -> None:
@@ -107,13 +117,13 @@ class Room:
     def parts(self, what: str, count: int, most: int = MOST_PARTS) -> None:
         """Refuse more parts than anybody has."""
         if count > most and _max_memory is None:
-            raise unreadable(self.where, f"it has {count} {what}, and at most {most} are expected", RAISE_THE_LIMIT)
+            raise unreadable(self.where, f"it has {count} {what}, and at most {most} are expected", raise_the_limit())
 
     def square(self, what: str, cells: int, held: int) -> None:
         """Refuse a matrix that is nearly empty: it grows with the square of what the file holds."""
         if cells > max(_MAX_EMPTY_ENTRIES, _MAX_ENTRIES_BY_HELD * held) and _max_memory is None:
             fault = f"{what} make a matrix of {cells} entries, of which the file holds {held}"
-            raise unreadable(self.where, fault, f"Export the channels that belong together. {RAISE_THE_LIMIT}")
+            raise unreadable(self.where, fault, f"Export the channels that belong together. {raise_the_limit()}")
 
     def json(self, what: str, text: str) -> None:
         """Take the room of what JSON text becomes as lists, mappings and numbers."""
@@ -131,7 +141,7 @@ def room(where: str, size: int) -> Room:
     >>> room("a.npz", 1000).left
     125000000
     """
-    if _max_memory is not None:
-        return Room(where, size, _max_memory // _COPIES)
-    seconds = max(_MIN_SECONDS, size / _BYTES_BY_SECOND)
-    return Room(where, size, max(_MIN_BYTES, _BYTES_BY_SIZE * size) // _COPIES, thread_time() + seconds)
+    memory = max(_MIN_BYTES, _BYTES_BY_SIZE * size, min(_BYTES_BY_PACKED_SIZE * size, allowed_memory()))
+    most = (_max_memory or memory) // _COPIES
+    ends = np.inf if _max_memory else thread_time() + max(_MIN_SECONDS, size / _BYTES_BY_SECOND)
+    return Room(where, size, most, most, ends)

@@ -18,6 +18,7 @@ import struct
 import zlib
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
+from itertools import islice
 from math import prod
 from pathlib import Path
 from typing import Any
@@ -37,6 +38,8 @@ from modalscope.numerics.checks import Array
 from modalscope.numerics.errors import optional_package
 
 _BYTES_OF_HEADER, _BYTES_OF_DESCRIPTION = 128, 116
+#: Bytes of a variable within which its name stands.
+_BYTES_OF_NAME = 1024
 _HDF5_SIGNATURE = b"MATLAB 7.3"
 _NUMBERS = {1: "i1", 2: "u1", 3: "i2", 4: "u2", 5: "i4", 6: "u4", 7: "f4", 9: "f8", 12: "i8", 13: "u8"}
 _TEXTS = {2: "latin-1", 16: "utf-8", 17: "utf-16"}
@@ -93,26 +96,40 @@ def read_mat5(data: bytes, room: Room, ignore: Collection[str], left: dict[str, 
 
 
 def _variable(file: _Reading, kind: int, body: memoryview, ignore: Collection[str]) -> dict[str, Array]:
-    before, data = file.room.left, _inflated(body, file) if kind == _COMPRESSED else body
-    whole = list(_elements(data, file)) if kind == _COMPRESSED else [(kind, body)]
-    if len(whole) != 1 or whole[0][0] != _MATRIX:
-        raise _Damaged(f"an element of type {whole[0][0] if whole else kind} stands where a variable should")
-    name = _matrix_head(whole[0][1], file)[2]
-    arrays = {name: np.array("not read")} if name in ignore else _matrix(name, whole[0][1], file) if name else {}
+    before, data = file.room.left, b""
+    if kind == _COMPRESSED:
+        name, size = _name_and_size(body, file)
+        if name in ignore:
+            return {name: np.array("not read")}
+        if size > file.room.left:
+            file.room.take(name, size)
+        data = _inflated(body, size)
+        (kind, body), *others = list(_elements(memoryview(data), file)) or [(kind, body)]
+        if others:
+            raise _Damaged("a variable has another behind it")
+    if kind != _MATRIX:
+        raise _Damaged(f"an element of type {kind} stands where a variable should")
+    name = _matrix_head(body, file)[2]
+    arrays = {name: np.array("not read")} if name in ignore else _matrix(name, body, file) if name else {}
     # what was inflated and not used counts, too
     file.room.take(name or "what is compressed", max(0, len(data) - (before - file.room.left)))
     return arrays
 
 
-def _inflated(body: memoryview, file: _Reading) -> memoryview:
+def _name_and_size(body: memoryview, file: _Reading) -> tuple[str, int]:
+    """Return the name of a compressed variable and the bytes that it states, of which no more is inflated."""
+    begin = memoryview(zlib.decompressobj().decompress(body, _BYTES_OF_NAME))
+    head = [data for _, data in islice(_elements(begin[8:], file), 3)] if len(begin) > 8 else []
+    return str(head[-1], "latin-1") if len(head) == 3 else "", struct.unpack_from(file.order + "I", begin, 4)[0] + 8
+
+
+def _inflated(body: memoryview, size: int) -> bytes:
     """Return data uncompressed; they stay in memory with the arrays that are made of them."""
     stream = zlib.decompressobj()
-    data = stream.decompress(body, file.room.left + 1)
-    if len(data) > file.room.left:
-        file.room.take("what is compressed", len(data))
+    data = stream.decompress(body, size + 8)
     if not stream.eof:
-        raise _Damaged("compressed data are cut off")
-    return memoryview(data)
+        raise _Damaged("compressed data are cut off, or more than they say")
+    return data
 
 
 def _elements(data: memoryview, file: _Reading) -> Iterator[Element]:
@@ -308,10 +325,8 @@ def _read_new(path: Path, space: Room, ignore: Collection[str], left: dict[str, 
         else:
             arrays[name] = _of_dataset(name, item, space)
 
-    with (
-        damage_as_error(f"{path.name} as a MATLAB file", "Save it again with -v7 or -v7.3."),
-        h5py.File(path, "r") as file,
-    ):
+    remedy = "Save it again with -v7 or -v7.3."
+    with damage_as_error(f"{path.name} as a MATLAB file", remedy), h5py.File(path, "r") as file:
         take("", file)
     return arrays
 
@@ -337,10 +352,9 @@ def _members(name: str, item: Any, space: Room, visited: set[int]) -> list[tuple
     cell = _class_of(item) == "cell"
     if cell and all(_holds_text(part) or part.attrs.get("MATLAB_empty", 0) for part in members):
         return None
-    return [
-        (member_name(name, k) if cell or not of else f"{member_name(of, k, '()')}.{field}", part)
-        for k, part in enumerate(members, 1)
-    ]
+    if cell or not of:
+        return [(member_name(name, k), part) for k, part in enumerate(members, 1)]
+    return [(f"{member_name(of, k, '()')}.{field}", part) for k, part in enumerate(members, 1)]
 
 
 def _of_dataset(name: str, item: Any, space: Room) -> Array:

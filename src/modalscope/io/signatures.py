@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import gzip
+import os
 import re
 import zipfile
 from pathlib import Path
 
-from modalscope.io.contents import damage_as_error, unreadable
+from modalscope.io.contents import DAMAGED, damage_as_error, unreadable
 from modalscope.io.limits import Room
 
 #: What files begin with, and the suffix of their format.
@@ -68,12 +69,7 @@ def _of_members(path: Path) -> str:
     try:
         with zipfile.ZipFile(path) as archive:
             names = archive.namelist()
-    except (
-        OSError,
-        ValueError,
-        RuntimeError,
-        zipfile.BadZipFile,
-    ):  # RuntimeError: a version of zip that Python does not know
+    except DAMAGED:  # also a version of zip that Python does not know
         return ""
     if "[Content_Types].xml" in names:
         return ".xlsx" if any(name.startswith("xl/") for name in names) else ""
@@ -87,18 +83,22 @@ def unpacked(path: Path, folder: Path, space: Room) -> Path:
     """
     with damage_as_error(f"{path.name} as a packed file"):
         if not zipfile.is_zipfile(path):
-            return _written(gzip.open(path), folder / Path(path.stem).name, space)
+            with path.open("rb") as file:
+                file.seek(-4, os.SEEK_END)  # where the size stands, of files below 4 GB
+                size = int.from_bytes(file.read(), "little")
+            return _written(gzip.open(path), folder / Path(path.stem).name, space, size)
         with zipfile.ZipFile(path) as archive:
             names = [each for each in archive.namelist() if not each.endswith("/") and not each.startswith("__MACOSX")]
             if len(names) != 1:
                 fault = f"it holds {len(names)} files ({', '.join(Path(each).name for each in names[:6])})"
                 raise unreadable(path.name, fault, "Unpack it.")
-            return _written(archive.open(names[0]), folder / Path(names[0]).name, space)
+            size = archive.getinfo(names[0]).file_size
+            return _written(archive.open(names[0]), folder / Path(names[0]).name, space, size)
 
 
-def _written(file: object, target: Path, space: Room) -> Path:
+def _written(file: object, target: Path, space: Room, size: int) -> Path:
     with file as stream, target.open("wb") as out:  # type: ignore[attr-defined]
         data = stream.read(space.left + 1)
-        space.take("what is packed in it", len(data))
+        space.take("what is packed in it", max(size, len(data)))
         out.write(data)
     return target

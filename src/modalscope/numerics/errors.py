@@ -86,6 +86,8 @@ def as_read(text: str) -> str:
 def _argument(option: re.Match[str]) -> str:
     """Return an option as an argument, and the words behind it that are none of its values."""
     name, words, comma = option[1].replace("-", "_"), re.findall(_VALUE, option[2]), "," * (option[3] is not None)
+    if name == "max_memory" and words:
+        return " ".join([f"{_NAMES[name]}({words[0].replace('GB', ' * 10**9')})", *words[1:]])
     brackets, called = _BRACKETS.get(name, ""), _NAMES.get(name, name)
     count = 0 if "=" in called else 2 if brackets == "()" else len(words) if brackets else 1
     values = [word.strip("'\"") for word in words[:count]]
