@@ -38,6 +38,40 @@ def test_rounded_times_give_the_rate_that_was_meant_or_say_how_far_it_is_open(ra
     assert found.doubt <= 10.0**-digits * rate**2 / 19_999 * 1.01
 
 
+@pytest.mark.parametrize("form", ["%.3f", "%.4f", "%.3g", "%.2e"])
+@pytest.mark.parametrize("rate", [100.0, 256.0, 1000.0, 1000 / 3, 2048.0, 4000.0, 48000.0, 51200.0, 1652.8926])
+def test_of_the_rates_that_few_digits_leave_it_is_that_of_samplers(rate: float, form: str) -> None:
+    """Three significant digits are worth more at the end than at the start: a tick lies halfway between what is printed."""
+    for count in (200, 1000, 4000):
+        found = sampling_of(np.array([float(form % (k / rate)) for k in range(count)]))
+        assert found.rate == pytest.approx(rate, rel=1e-15) or rate == 1652.8926
+        assert abs(found.rate - rate) <= 2 * found.doubt + 1e-6 * rate
+
+
+def test_a_rate_of_samplers_is_taken_as_far_as_the_doubt_goes_and_no_further() -> None:
+    for rate in (4000.0, 1024.0, 102.4, 1.5, 48000.0, 625.0, 1000 / 3):
+        for side in (-1, 1):
+            assert roundest(rate + side * 0.0019 * rate, 0.002 * rate) == pytest.approx(rate, rel=1e-15)
+            assert abs(roundest(rate + side * 0.0021 * rate, 0.002 * rate) - rate) > 1e-4 * rate
+    assert roundest(4008.2, 8.0) == 4008.0
+
+
+def test_what_digits_leave_of_a_rate_is_told_and_the_option_that_is_printed_works(tmp_path) -> None:
+    def written(count: int, form: str) -> str:
+        rng = np.random.default_rng(0)
+        rows = "".join(f"{form % (k / 4000)},{rng.standard_normal():.3f}\n" for k in range(count))
+        (tmp_path / "a.csv").write_text("time (s),acc (m/s^2)\n" + rows)
+        return str(tmp_path / "a.csv")
+
+    notes = ms.io.survey(written(5000, "%.3f")).told
+    assert any(
+        "4000 Hz by the times of column 1, the roundest of what their digits leave (±0.8" in n.text for n in notes
+    )
+    error = refused("too few digits: 4000 Hz, give or take 8", ms.read, written(200, "%.4f"))
+    assert error.change == "Give it in samples per second: --sampling-rate 4000, if that is the one"
+    assert ms.read(tmp_path / "a.csv", sampling_rate=4000).sampling_rate == 4000
+
+
 def test_a_lost_sample_is_found_and_a_coarse_clock_is_none() -> None:
     times = np.delete(np.arange(1000) / 100, 500)
     refused("longest at row 501", sampling_of, times)

@@ -32,6 +32,8 @@ _LONGEST_STEP, _SLOWEST_RATE = 2.0, 5.0
 CLOCK_ACCURACY = 1e-6
 #: Ticks of a clock that is coarser than the samples, by which their rate is known.
 _MIN_TICKS = 3
+#: Powers of two in the rates of samplers: 625 Hz = 2^-4 10^4 Hz, 65536 Hz = 2^16 Hz.
+_POWERS_OF_TWO = np.arange(-5.0, 17.0)
 #: Times examined at each end for their digits, and decimals at most.
 _TIMES_AT_END, _MIN_TIMES_AT_END, _MAX_DECIMALS = 5000, 16, 9
 #: Relative difference of steps of one even stretch from the usual one, at most; share of the rows of a stretch that is offered, at least.
@@ -198,7 +200,8 @@ def sampling_of(times: RealArray) -> Sampling:
     rate, ticks = 1 / step, np.flatnonzero(steps > 0)
     if ticks.size > _MIN_TICKS:
         # a clock that stands still between its ticks: samples from one to the last
-        seconds = float(times[ticks[-1] + 1] - times[ticks[0] + 1])
+        # at a tick the time lies between what is printed before and after: the last digit may be worth more at the end
+        seconds = float(times[ticks[-1] : ticks[-1] + 2].mean() - times[ticks[0] : ticks[0] + 2].mean())
         if seconds <= 0:
             raise _uneven("they fall as often as they rise")
         rate, doubt = (float(ticks[-1] - ticks[0]) / seconds, 1 / seconds) if 1 / seconds < doubt else (rate, doubt)
@@ -231,13 +234,21 @@ def _uneven(fault: str) -> DataError:
 
 
 def roundest(value: float, doubt: float) -> float:
-    """Return the number of fewest digits that is as near to a value as the doubt allows.
+    """Return the rate that samplers have, else the number of fewest digits, that is as near to a value as the doubt allows.
+
+    These rates are 2^a 10^b, or three times such a number, or such a number of samples in three units of time.
 
     Examples
     --------
-    >>> roundest(1023.99987, 0.01), roundest(33.3333, 1e-9)
-    (1024.0, 33.3333)
+    >>> roundest(1023.99987, 0.01), roundest(33.3333, 1e-9), roundest(3996.0, 8.0), roundest(1655.2, 8.0)
+    (1024.0, 33.3333, 4000.0, 1655.0)
     """
+    for times in (1.0, 3.0, 1 / 3):
+        powers = times * 2.0**_POWERS_OF_TWO
+        usual = powers * 10.0 ** np.rint(np.log10(value / powers))
+        nearest = float(usual[np.argmin(np.abs(usual - value))])
+        if abs(nearest - value) <= doubt:
+            return float(f"{nearest:.16g}")
     for digits in range(7):
         candidate = round(value, digits)
         if candidate > 0 and abs(candidate - value) <= doubt:

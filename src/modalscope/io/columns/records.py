@@ -32,6 +32,8 @@ from modalscope.numerics.functions.poles import QUANTITIES
 
 #: Relative uncertainty of a rate by the digits of the times, at most: frequencies have the same.
 _MAX_DOUBT_OF_RATE = 1e-3
+#: Relative doubt of a rate that is told.
+_DOUBT_TOLD = 1e-4
 #: Samples of a record, at least; and rows of a column that is an axis where it rises throughout: of noise half the steps do.
 _MIN_SAMPLES, _MIN_RISING, _MIN_SHARE_RISING = 3, 16, 0.95
 #: A force has gone where this part of its largest is not reached again.
@@ -81,8 +83,8 @@ def records(
     if not others:
         forces, others = [], channels
         notes.append("all columns are forces; they were taken as outputs")
-    elif not forces and options.get("columns") is None and not table.roles:
-        base = [column for column in others if names_base(column.name)] if len(others) > 1 else []
+    elif not forces and len(others) > 1 and options.get("columns") is None and not table.roles:
+        base = [column for column in others if names_base(column.name)]
         which = f"{base[0].name} may be a base that drives the rest" if base else "else"
         number = (base[0] if base else likeliest_force(others)[0]).number
         notes.append(f'no column is a force by name or unit: all are outputs ({which}: --columns "in={number}")')
@@ -158,9 +160,7 @@ def _labels(columns: Sequence[Column], channels: Sequence[Column], notes: list[s
     twice = {label for label in bare if bare.count(label) > 1}
     if twice:
         notes.append(f"names that repeat have the number of their column behind them: {', '.join(sorted(twice)[:6])}")
-    return [
-        f"{label} ({column.number})" if label in twice else label for label, column in zip(bare, columns, strict=True)
-    ]
+    return [f"{label} ({c.number})" if label in twice else label for label, c in zip(bare, columns, strict=True)]
 
 
 def _refuse_two_clocks(table: Table, axis: Column, others: Sequence[Column]) -> None:
@@ -274,6 +274,7 @@ def sampling_rate(table: Table, axis: Column | None, options: Options) -> tuple[
         raise needs(table.where, f"evenly sampled times in {axis}", error.found, remedy) from None
     if stated is None and sampling.doubt > _MAX_DOUBT_OF_RATE * sampling.rate:
         rate = f"{sampling.rate:.6g} Hz, give or take {figures(sampling.doubt, 2)}"
+        remedy = remedy.replace("HZ", f"{sampling.rate:.6g}, if that is the one")
         raise needs(table.where, "a sampling rate", f"the times in {axis} have too few digits: {rate}", remedy)
     if stated is not None and not same_rate(stated, sampling.rate, sampling.doubt):
         asked = f"reading {table.where} at {stated:g} Hz, as {source} says:"
@@ -281,8 +282,8 @@ def sampling_rate(table: Table, axis: Column | None, options: Options) -> tuple[
         if given is not None:
             remedy = f"If the times are wrong, leave them out: {way_out} {stated:g}"
         raise DataError(asked, f"the times of {axis} say {sampling.rate:.6g} Hz", remedy)
-    rate_taken = (
-        stated if stated is not None and (option is not None or _is_rounding(stated, sampling)) else sampling.rate
-    )
-    coarse = " (rounded more coarsely than they follow each other)" if sampling.off > 0.5 else ""
+    kept = stated is not None and (option is not None or _is_rounding(stated, sampling))
+    rate_taken = stated if stated is not None and kept else sampling.rate
+    open_still = f", the roundest of what their digits leave (±{figures(sampling.doubt, 2)} Hz)"
+    coarse = open_still if stated is None and sampling.doubt > _DOUBT_TOLD * sampling.rate else ""
     return rate_taken, [f"sampling rate {rate_taken:.9g} Hz by the times of column {axis.number}{coarse}"]
