@@ -218,3 +218,32 @@ def test_an_offset_of_sensors_is_no_line_of_a_response(offset: float, left: int)
         values / np.maximum(response.frequencies, 0.005)[:, None, None] ** 2
     )  # as rigid motion rises, but for the first line
     assert without_offset(replace(response, values=free, frequencies=response.frequencies + 1.0))[1] == ()
+
+
+def test_a_force_in_a_file_of_its_own_is_the_input_by_the_name_of_the_file_or_by_the_option_that_is_printed(
+    tmp_path: Path,
+) -> None:
+    force = np.random.default_rng(0).standard_normal(2000)
+    moved = np.convolve(force, np.exp(-0.01 * np.arange(400)) * np.sin(0.3 * np.arange(400)))[:2000]
+
+    def files(*names: str) -> list[Path]:
+        made = [tmp_path / f"{name}.txt" for name in names]
+        for path, values in zip(made, (force, moved), strict=True):
+            path.write_text("".join(f"{k / 100:.2f} {value:.6f}\n" for k, value in enumerate(values)))
+        return made
+
+    named, _, notes = opened(files("hammer", "top"), {})
+    assert (named.input_dofs, named.output_dofs) == (("hammer",), ("top",))
+    np.testing.assert_allclose(named.inputs[:, 0], force, atol=1e-6)
+    (said,) = [note.text for note in notes if "names of their files" in note.text]
+    assert said == "Inputs by the names of their files: hammer. If they are sensors: --output-dofs 1 2"
+    as_said, _, _ = opened(files("hammer", "top"), [{"output_dofs": ["1"]}, {"output_dofs": ["2"]}])
+    assert as_said.inputs is None
+    bare, _, notes = opened(files("one", "two"), {})
+    assert bare.inputs is None
+    (said,) = [note.text for note in notes if "If one is" in note.text]
+    assert said == 'No file is a force by its name or unit: all are outputs. If one is: --units "one=N"'
+    assert not any("--columns" in note.text for note in notes)  # of one channel it would say nothing
+    told, _, _ = opened(files("one", "two"), {"units": {"one": "N"}})
+    assert (told.input_dofs, told.units) == (("one",), (("",), ("N",)))
+    np.testing.assert_array_equal(told.outputs, named.outputs)

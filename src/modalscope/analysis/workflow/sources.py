@@ -22,10 +22,10 @@ from modalscope.io.contents import is_frame
 from modalscope.numerics.checks import check_each, check_kind
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.progress import stage
-from modalscope.signals.doctor.places import against_labels, label_by_place, with_hits
+from modalscope.signals.doctor.places import against_labels, label_by_place, labels_option, with_hits
 from modalscope.signals.doctor.responses import without_offset
 from modalscope.signals.preprocess.decays import as_free_decay
-from modalscope.signals.preprocess.excitation import moved_by_base, without_dead_forces
+from modalscope.signals.preprocess.excitation import as_inputs, moved_by_base, without_dead_forces
 from modalscope.signals.preprocess.merging import merge
 
 #: Options of reading of each file, and of all files or of each.
@@ -82,10 +82,11 @@ def merged_parts(
     begins = [next((n.numbers["begins"] for n in notes if "begins" in n.numbers), 0.0) for _, _, notes in parts]
     held, together = _together([part for part, _, _ in parts], names, each, begins, said)
     named, places = _placed(held, names, each, said)
-    merged, units = si_form(named[0] if len(named) == 1 else merge(named))
+    merged, forces = _forces_by_files(named[0] if len(named) == 1 else merge(named), names)
+    merged, units = si_form(merged)
     merged, kind = _as_what_it_is(merged, decays, exclude)
     alike = _alike([note for _, _, read_notes in parts for note in read_notes])
-    told = tuple(dict.fromkeys([*alike, *together, *places, *units, *kind]))
+    told = tuple(dict.fromkeys([*alike, *together, *forces, *places, *units, *kind]))
     return merged, tuple(source for _, source, _ in parts), told
 
 
@@ -110,8 +111,29 @@ def _together(
     lined, lines = on_common_lines(parts, names)
     if any("output_dofs" in options for options in each):
         return lined, (*units, *lines)
-    labelled, event = as_one_event(lined, said.get("output", said.get("", names)), begins, runs="run" in said)
+    called = said.get("output", said.get("", names))
+    labelled, event = as_one_event(lined, called, begins, runs="run" in said)
+    if event and not any(part.units[0][0] for part in labelled):
+        from modalscope.io.formats import overridden  # most tests are one file
+
+        given = [{"units": options.get("units")} for options in each]
+        labelled = [overridden(part, options, None) for part, options in zip(labelled, given, strict=True)]
     return labelled, (*units, *lines, *event)
+
+
+def _forces_by_files(data: Any, names: Sequence[str]) -> tuple[Any, tuple[Note, ...]]:
+    """Return a record of one channel per file, those of files that are named for a force as its inputs, and a note."""
+    outputs = data.output_dofs if isinstance(data, Signals) and data.inputs is None else ()
+    if len(outputs) < 2 or not set(outputs) <= set(names):
+        return data, ()
+    from modalscope.io.columns.vocabulary import meanings_of  # most tests are one file
+
+    forces = [dof for dof in outputs if any(what == "force" for what, _ in meanings_of(dof))]
+    if 0 < len(forces) < len(outputs):
+        text = f"Inputs by the names of their files: {', '.join(forces)}. If they are sensors: {labels_option(len(outputs), 'output')}"
+        return as_inputs(data, forces), (Note("file", {}, text),)
+    text = f'No file is a force by its name or unit: all are outputs. If one is: --units "{outputs[0]}=N"'
+    return data, (Note("file", {}, text),) * (not any(data.units[0]))
 
 
 def _placed(parts: Sequence[Any], names: Sequence[str], each: Each, said: Said) -> tuple[list[Any], tuple[Note, ...]]:

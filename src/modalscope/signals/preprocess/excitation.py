@@ -77,19 +77,23 @@ def moved_by_base(signals: Signals) -> tuple[Signals, tuple[Note, ...]]:
     accelerations = set(signals.quantities) == {"acceleration"}
     if signals.inputs is not None or signals.runs > 1 or not base.any() or base.all() or not accelerations:
         return signals, ()
-    outputs = signals.by_run()[0][0]
-    if np.var(powers_of_stretches(outputs)) <= EVENT:
+    if np.var(powers_of_stretches(signals.by_run()[0][0])) <= EVENT:
         return signals, ()
     names = tuple(itertools.compress(signals.output_dofs, base))
-    units = tuple(tuple(itertools.compress(signals.units[0], which)) for which in (~base, base))
-    rest = signals.select(exclude=names)
-    driven = replace(rest, inputs=outputs[:, base], input_dofs=names, units=units)  # type: ignore[arg-type]
     listed = f"{', '.join(names[:6])}{' ...' if len(names) > 6 else ''}"
     text = (
         f"Channels named for the base are inputs of this event: {listed}; poles are those of the structure held there. If they are "
         "outputs, rename them: --output-dofs"
     )
-    return driven, (Note("base", {"inputs": float(len(names))}, text),)
+    return as_inputs(signals, names), (Note("base", {"inputs": float(len(names))}, text),)
+
+
+def as_inputs(signals: Signals, names: Sequence[str]) -> Signals:
+    """Return a record of outputs alone with those of these labels as its inputs."""
+    inputs = np.isin(signals.output_dofs, names)
+    units = tuple(tuple(itertools.compress(signals.units[0], which)) for which in (~inputs, inputs))
+    rest = signals.select(exclude=names)
+    return replace(rest, inputs=signals.outputs[..., inputs], input_dofs=tuple(names), units=units)  # type: ignore[arg-type]
 
 
 def dead_forces(data: Signals | Records) -> dict[str, float]:
