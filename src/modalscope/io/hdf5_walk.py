@@ -19,6 +19,7 @@ ATTRIBUTES = ("CLASS", "MATLAB_class", "MATLAB_empty", "modalscope_layout")
 #: Deflate, shuffle, Fletcher's checksum and LZF.
 _FILTERS = (1, 2, 3, 32000)
 _MAX_DEPTH, _MAX_OBJECTS, _MAX_CHUNKS, _MAX_CELLS = 32, 100_000, 10_000, 20_000
+_AS_ARRAY = "Save what its cells hold as one array."
 #: Bytes of the file for each chunk beyond `_MAX_CHUNKS`, at least, and of a text as an object.
 _MIN_BYTES_BY_CHUNK, _BYTES_OF_TEXT = 64, 64
 #: Bytes at most of a chunk of a small array, of a chunk of what is read in stretches, and of an attribute.
@@ -181,7 +182,7 @@ def _objects(name: str, item: Any, visit: _Visit) -> None:
     if not texts and visit.h5py.check_ref_dtype(item.dtype) is not visit.h5py.Reference:
         raise Refused(f"{name} holds neither numbers nor texts", "Store plain arrays.")
     if not texts and item.size > _MAX_CELLS:
-        raise Refused(f"{name} has {item.size} cells, where at most {_MAX_CELLS} are expected")
+        raise Refused(f"{name} has {item.size} cells, where at most {_MAX_CELLS} are expected", _AS_ARRAY)
     if item.ndim == 0 or not texts:
         values = [item[()]] if item.ndim == 0 else item[()].ravel()
         for value in values:
