@@ -1,4 +1,4 @@
-"""Robust scatter, noise threshold of singular values, optimal pairing, and confidence intervals."""
+"""Robust scatter, noise threshold of singular values, optimal pairing, and variances of numbers whose parts differ."""
 
 from __future__ import annotations
 
@@ -117,3 +117,43 @@ def few_channels(lines: int, channels: int, numbers: int = _NUMBERS_AT_A_TIME) -
     """Yield some channels after others, of about so many `numbers`: by default as many as stay in the cache."""
     step = max(numbers // max(lines, 1), 1)
     return (slice(k, k + step) for k in range(0, channels, step))
+
+
+#: Least share of the others where a part is left out; degrees of freedom that the scatter of all numbers gives to that of each. With these
+#: 91 to 98 % of intervals of 95 % hold the truth in 160 tests whose rows or columns shift or whose errors are smooth on lines; with 2
+#: degrees as many and wider ones, with .2 of the others 90 to 98 %.
+_LEAST_OTHERS, _PRIOR_DEGREES = 0.05, 4.0
+
+
+def with_scatter(
+    variance: RealArray, degrees: RealArray, scale: RealArray, share: RealArray, s: RealArray
+) -> tuple[RealArray, RealArray]:
+    """Return variances and degrees of freedom of numbers that differ from channel to channel, output to output, and input to input.
+
+    Channels, outputs and inputs left out one at a time tell V_oi, V_o and V_i. Errors that outputs have in common and those that inputs
+    have in common give V_o + V_i - V_oi (Cameron, Gelbach and Miller 2011, J. Bus. Econ. Stat. 29, 238), so that V_oi - V, V_o - V_oi and
+    V_i - V_oi come to the variance V of noise. Few parts tell them badly: each, over sum L^2 and the square of a scale, is drawn towards
+    what is usual (moderated variances, Smyth 2004, Stat. Appl. Genet. Mol. Biol. 3, 3): their median, which single numbers of another kind
+    do not move. It has (1 - sum L^2)^2 over sum L^2 (1 - 2 L + sum L^2) degrees of freedom, G - 1 for G equal shares, and those of the
+    usual one; the sum has Satterthwaite's.
+
+    `variance`, `degrees`, `scale` (b,): of numbers that shift by like parts of a scale. `share`, `s` (b, l, m): of channels, in the
+    information on a number, and what they add to its error.
+    """
+    parts = [(share.reshape(len(s), -1), s.reshape(len(s), -1))]
+    if min(s.shape[1:]) > 1:
+        parts += [(share.sum(axis=axis), s.sum(axis=axis)) for axis in (2, 1)]
+    left_out = []
+    for L, pull in parts:  # of white noise (s / (1 - L))^2 is V L / (1 - L)
+        others = np.maximum(1 - L, _LEAST_OTHERS)
+        left_out.append(np.sum((pull / others) ** 2 - variance[:, None] * L / others, axis=1) + variance)
+    total, spread = variance, variance**2 / np.maximum(degrees, 1)
+    for (L, _), found, below in zip(parts, left_out, [variance, left_out[0], left_out[0]], strict=False):
+        squares = np.sum(L**2, axis=1, keepdims=True)
+        free = (1 - squares[:, 0]) ** 2 / np.maximum(np.sum(L**2 * (1 - 2 * L + squares), axis=1), 1e-9)
+        unit = squares[:, 0] * scale**2
+        # the median of variances is below their mean by (1 - 2 / 9 nu)^3 (Wilson and Hilferty 1931)
+        usual = max(float(np.median((found - below) / unit)) / (1 - 2 / (9 * max(np.median(free), 1))) ** 3, 0.0)
+        added = np.maximum(free * (found - below) + _PRIOR_DEGREES * usual * unit, 0) / (free + _PRIOR_DEGREES)
+        total, spread = total + added, spread + added**2 / (free + _PRIOR_DEGREES)
+    return total, total**2 / np.maximum(spread, 1e-300)

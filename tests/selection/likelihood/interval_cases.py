@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +14,7 @@ import modalscope as ms
 from modalscope.numerics.checks import ComplexArray, IntArray, RealArray
 from modalscope.numerics.functions.poles import poles_from
 from tests.selection.judging.hard import QUANTITIES, impulse_response, random_structure
+from tests.selection.judging.shifted import KINDS as SHIFTS, shifted_response, shifted_structure
 
 RATE, FASTER, HIGHEST, BESIDE = 100.0, 8, 38.0, 20.0
 
@@ -186,6 +188,12 @@ def response(seed: int) -> Case:
     return impulse_response(structure, 40, seed)[0], structure.poles
 
 
+def shifted(seed: int, kind: str) -> Case:
+    """Return responses whose resonances differ from row to row or column to column; the truth is what they scatter around."""
+    structure = shifted_structure(seed)
+    return shifted_response(structure, SHIFTS[kind], seed), structure.poles
+
+
 def ambient(seed: int, dominant: float = 1.0, gusts: float = 0.0, colour: bool = False, beyond: float = 0.0) -> Case:
     """Return a record of 2 to 6 outputs and 2 to 4 modes over 5 to 20 minutes at 20 Hz, white forces at all modes, noise of 20 dB.
 
@@ -229,6 +237,9 @@ def band_around(s: ComplexArray) -> dict[str, tuple[float, float]]:
     return {"band": (float(0.85 * f.min()), float(1.15 * f.max()))}
 
 
+#: Which of the kinds of tests that shift are asked.
+SHIFTED = ("rows", "columns", "rows and columns", "rows, smooth errors")
+
 KINDS = (
     Kind("records, white noise", record),
     Kind("records, noise AR(.95)", lambda k: record(k, "AR(.95)")),
@@ -242,6 +253,7 @@ KINDS = (
     Kind("frequencies that drift by 1 %", lambda k: record(k, drift=0.01), least=90.0),
     Kind("springs that harden", hardening, least=86.0, draws=DRAWS),
     Kind("impulse responses", response),
+    *(Kind(f"responses that shift: {kind}", partial(shifted, kind=kind), least=90.0, count=60) for kind in SHIFTED),
     Kind("ambient, white", ambient, least=90.0),
     Kind("ambient, one mode dominates by ten", lambda k: ambient(k, dominant=10.0), least=90.0),
     Kind("ambient, coloured forces", lambda k: ambient(k, colour=True), least=90.0),

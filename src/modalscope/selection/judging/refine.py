@@ -131,7 +131,7 @@ def refine(
 
     Two standard deviations are given. *Noise*: of records from their lines, left out one at a time, and from eight parts of the record in
     time where these scatter more; of responses from the variance of every channel, and where the residual is coloured from lines, parts
-    in time and channels, too. *Repeatability*: from the differences between groups: inputs, runs or setups.
+    in time, and what outputs and inputs differ by, too. *Repeatability*: from the differences between groups: inputs, runs or setups.
 
     Parameters
     ----------

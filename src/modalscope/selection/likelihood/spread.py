@@ -11,9 +11,10 @@ import numpy as np
 from modalscope.data.channels import Groups
 from modalscope.data.response import Response
 from modalscope.numerics.checks import ComplexArray, RealArray
+from modalscope.numerics.functions.poles import frequencies_and_damping
+from modalscope.numerics.statistics import with_scatter
 from modalscope.selection.likelihood.covariance import (
     LEAST_GROUPS,
-    Parts,
     degrees_of_wider,
     deviations_of_poles,
     gradients_of_poles,
@@ -66,8 +67,9 @@ def spread_of(settled: Settled, poles: ComplexArray, response: Response, groups:
     """Return the deviations at an optimum.
 
     Errors of records are independent from line to line, whatever their spectrum and their coherence: lines left out one at a time tell
-    the covariance. White noise of responses has one variance a channel; where their residual is coloured, the widest of this, of lines
-    and of what channels disagree by counts. Where lines have levels of their own, these are no channel's alone, and lines are asked, too.
+    the covariance. White noise of responses has one variance a channel; where their residual is coloured, the wider of this and of lines
+    counts, and what outputs, inputs and channels differ by comes to it. Where lines have levels of their own, these are no channel's alone,
+    and lines are asked, too.
     Parts in time show what correlates lines.
 
     `poles` (n,): rad/s, as the modes are to have them. `response`: that was refined. `groups`: one label per input, or a run.
@@ -89,9 +91,6 @@ def spread_of(settled: Settled, poles: ComplexArray, response: Response, groups:
     if rows is not None:
         free, parts = rows.told(gradients_of_poles(poles), C)
         candidates.append(_Candidate(rows.covariance(C), free, rows.own))
-    if seen.coloured and not point.problem.records and between is None:
-        each = [part for part in _by_channels(point, fitted) if len(part) >= LEAST_GROUPS]
-        candidates += [_Candidate(sandwich(C, part), np.full((2, len(poles)), len(part) - 1.0), own) for part in each]
     variances = np.array([_of_poles(poles, each.covariance + lost, point) ** 2 for each in candidates])
     widest = np.argmax(variances, axis=0)[None]
     degrees = np.take_along_axis(np.array([each.degrees for each in candidates]), widest, axis=0)[0]
@@ -105,20 +104,32 @@ def spread_of(settled: Settled, poles: ComplexArray, response: Response, groups:
     shapes = np.max([_of_shapes(point, fitted, each.covariance, each.own, lost) for each in candidates], axis=0)
     if seen.coloured and not point.problem.records:
         white = _of_poles(poles, candidates[0].covariance, point)[0] ** 2, candidates[0].degrees[0]
-        by_output, by_input = (wandering(*white, each) for each in _by_side(point, fitted, C, poles))
+        seen_by = [_by_channel(point, fitted, C, gradient) for gradient in gradients_of_poles(poles)]
+        by_output, by_input = (wandering(*white, parts_of(*(x.sum(axis=axis) for x in seen_by[0]))) for axis in (2, 1))
         lower = np.fmin(lower, lower_damping_of_channels(poles, by_output + by_input))
         shapes = np.hypot(shapes, _of_shifts(point, fitted, poles, by_output))
+        variances, degrees = _with_scatter(poles, variances, degrees, seen_by)
     apart = (None, None) if between is None else tuple(_of_poles(poles, between, point))
     if between is not None and groups is not None:
         degrees = degrees_of_wider(np.sqrt(variances), degrees, np.array(apart), len(set(groups)))
     return Spread(variances[0] ** 0.5, variances[1] ** 0.5, np.where(opened, 0, degrees).T, lower, shapes, *apart)
 
 
-def _by_side(point: Point, fitted: Fitted, inverse: RealArray, poles: ComplexArray) -> Iterator[Parts]:
-    """Return what outputs and inputs say of the frequencies of poles, each as one part."""
-    power, pull = by_channel(point, fitted, steps_of_poles(gradients_of_poles(poles)[0], inverse))
-    total = np.maximum(power.sum(axis=(1, 2)), 1e-300)[:, None]
-    return (parts_of(power.sum(axis=axis) / total, pull.sum(axis=axis)) for axis in (2, 1))
+def _by_channel(point: Point, fitted: Fitted, inverse: RealArray, gradient: RealArray) -> tuple[RealArray, RealArray]:
+    """Return the shares of channels in the information on numbers of poles, and what they add to their errors, (n, l, m) each."""
+    power, pull = by_channel(point, fitted, steps_of_poles(gradient, inverse))
+    return power / np.maximum(power.sum(axis=(1, 2), keepdims=True), 1e-300), pull
+
+
+def _with_scatter(
+    poles: ComplexArray, variances: RealArray, degrees: RealArray, seen: list[tuple[RealArray, RealArray]]
+) -> tuple[RealArray, RealArray]:
+    """Return variances and degrees of freedom of frequencies and damping ratios, (2, n) each, with what channels differ by."""
+    scales = frequencies_and_damping(poles)
+    both = [
+        with_scatter(v, nu, scale, *own) for v, nu, scale, own in zip(variances, degrees, scales, seen, strict=True)
+    ]
+    return np.array([each[0] for each in both]), np.array([each[1] for each in both])
 
 
 def _of_shifts(point: Point, fitted: Fitted, poles: ComplexArray, scatter: RealArray) -> RealArray:
@@ -136,12 +147,6 @@ class _Candidate(NamedTuple):
     covariance: RealArray
     degrees: RealArray
     own: RealArray
-
-
-def _by_channels(point: Point, fitted: Fitted) -> list[RealArray]:
-    """Return the scores of outputs, of inputs and of channels: where no groups are known, model error may lie in any of them."""
-    each = scores(point, fitted)
-    return [each.sum(axis=1), each.sum(axis=0), each.reshape(-1, each.shape[2])]
 
 
 def _of_poles(poles: ComplexArray, covariance: RealArray, point: Point) -> RealArray:
