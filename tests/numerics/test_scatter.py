@@ -85,7 +85,7 @@ def test_one_number_that_scatters_by_far_the_most_widens_no_other() -> None:
     shifts[2] *= 1000
     more, _ = with_scatter(*given, share, seen(rng, share, shifts, 0.1)[1])
     assert more[2] > 1e4 * few[2]
-    assert np.delete(more, 2) == pytest.approx(np.delete(few, 2), rel=1)
+    assert np.all(np.delete(more / few, 2) < 4)
 
 
 def test_no_unit_of_a_number_changes_what_parts_add() -> None:

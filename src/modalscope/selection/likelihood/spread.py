@@ -69,8 +69,7 @@ def spread_of(settled: Settled, poles: ComplexArray, response: Response, groups:
     Errors of records are independent from line to line, whatever their spectrum and their coherence: lines left out one at a time tell
     the covariance. White noise of responses has one variance a channel; where their residual is coloured, the wider of this and of lines
     counts, and what outputs, inputs and channels differ by comes to it. Where lines have levels of their own, these are no channel's alone,
-    and lines are asked, too.
-    Parts in time show what correlates lines.
+    and lines are asked, too. Parts in time show what correlates lines.
 
     `poles` (n,): rad/s, as the modes are to have them. `response`: that was refined. `groups`: one label per input, or a run.
     """
