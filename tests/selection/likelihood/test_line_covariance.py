@@ -326,7 +326,6 @@ def shifting(seed: int, shift: float) -> tuple[ms.FrequencyResponse, RealArray]:
     return ms.FrequencyResponse(values=values, frequencies=w[:, 0].imag / (2 * np.pi), quantity="displacement"), shape
 
 
-@pytest.mark.slow
 def test_outputs_whose_resonance_shifts_lower_the_damping_and_widen_the_shape() -> None:
     held, ratios, damping = [], [], []
     for seed in range(12):
