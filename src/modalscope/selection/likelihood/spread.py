@@ -102,11 +102,12 @@ def spread_of(settled: Settled, poles: ComplexArray, response: Response, groups:
         variances, degrees = (np.array(each) for each in zip(*both, strict=True))
     shapes = np.max([_of_shapes(point, fitted, each.covariance, each.own, lost) for each in candidates], axis=0)
     if seen.coloured and not point.problem.records:
-        white = _of_poles(poles, candidates[0].covariance, point)[0] ** 2, candidates[0].degrees[0]
+        white = _of_poles(poles, candidates[0].covariance, point) ** 2, candidates[0].degrees
         seen_by = [_by_channel(point, fitted, C, gradient) for gradient in gradients_of_poles(poles)]
-        by_output, by_input = (wandering(*white, parts_of(*(x.sum(axis=axis) for x in seen_by[0]))) for axis in (2, 1))
-        lower = np.fmin(lower, lower_damping_of_channels(poles, by_output + by_input))
-        shapes = np.hypot(shapes, _of_shifts(point, fitted, poles, by_output))
+        by_output = [wandering(v, k, parts_of(*(x.sum(2) for x in s))) for v, k, s in zip(*white, seen_by, strict=True)]
+        by_input = wandering(white[0][0], white[1][0], parts_of(*(x.sum(1) for x in seen_by[0])))
+        lower = np.fmin(lower, lower_damping_of_channels(poles, by_output[0] + by_input))
+        shapes = np.hypot(shapes, _of_shifts(point, fitted, poles, *by_output))
         variances, degrees = _with_scatter(poles, variances, degrees, seen_by)
     apart = (None, None) if between is None else tuple(_of_poles(poles, between, point))
     if between is not None and groups is not None:
@@ -131,13 +132,16 @@ def _with_scatter(
     return np.array([each[0] for each in both]), np.array([each[1] for each in both])
 
 
-def _of_shifts(point: Point, fitted: Fitted, poles: ComplexArray, scatter: RealArray) -> RealArray:
-    """Return the deviations of shapes, (l, n), by resonances that differ by sigma from output to output, `scatter` = sigma^2 (n,), Hz^2.
+def _of_shifts(point: Point, fitted: Fitted, poles: ComplexArray, f: RealArray, zeta: RealArray) -> RealArray:
+    """Return the deviations of shapes, (l, n), by poles that differ from output to output.
 
     A line at s fitted to one at s + d has a residue that is off by d <g', g> / <g, g> = d / (2 |Re s|) of itself, all lines counted.
+
+    `f`, `zeta` (n,): variances of frequencies (Hz^2) and damping ratios from output to output.
     """
     shapes, _ = point.problem.scaled_back(point, fitted)
-    return np.asarray(np.abs(shapes) * np.sqrt(scatter) * np.pi / np.abs(poles.real))
+    apart = np.sqrt((2 * np.pi) ** 2 * f + np.abs(poles) ** 2 * zeta)
+    return np.asarray(np.abs(shapes) * apart / (2 * np.abs(poles.real)))
 
 
 class _Candidate(NamedTuple):
