@@ -414,5 +414,5 @@ def test_repeatability_of_the_measured_beam_is_how_far_its_halves_disagree(beam)
     print(f"\nhalves over repeatability: f {ratio[0].round(2)}, zeta {ratio[1].round(2)}")
     assert np.all((ratio > 1 / 2.5) & (ratio < 2.5))
     assert np.all((np.median(ratio, axis=1) > 1 / 1.5) & (np.median(ratio, axis=1) < 1.5))
-    # noise alone would say ten times less of the strong modes
-    assert np.median(found.frequencies_repeatability / found.frequencies_std) > 10
+    # noise alone would say ten times less; what sensors disagree by is counted, and is as much
+    assert 0.3 < np.median(found.frequencies_repeatability / found.frequencies_std) < 3

@@ -243,6 +243,8 @@ def roundest(value: float, doubt: float) -> float:
     >>> roundest(1023.99987, 0.01), roundest(33.3333, 1e-9), roundest(3996.0, 8.0), roundest(1655.2, 8.0)
     (1024.0, 33.3333, 4000.0, 1655.0)
     """
+    if not np.isfinite(value):
+        return value
     for times in (1.0, 3.0, 1 / 3):
         powers = times * 2.0**_POWERS_OF_TWO
         usual = powers * 10.0 ** np.rint(np.log10(value / powers))
@@ -250,8 +252,7 @@ def roundest(value: float, doubt: float) -> float:
         if abs(nearest - value) <= doubt:
             return float(f"{nearest:.16g}")
     for digits in range(7):
-        candidate = round(value, digits)
-        if candidate > 0 and abs(candidate - value) <= doubt:
+        if (candidate := round(value, digits)) > 0 and abs(candidate - value) <= doubt:
             return float(candidate)
     return value
 
