@@ -120,9 +120,6 @@ def circles(imports: Mapping[str, set[str]]) -> list[list[str]]:
     return found
 
 
-_NO_CODE = {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER}
-
-
 def code_lines(text: str) -> int:
     r"""Return the lines that hold code: no docstring, comment, blank line or import.
 
@@ -131,14 +128,12 @@ def code_lines(text: str) -> int:
     >>> code_lines('"A text."\nimport a\n\n# why\nx = (1,\n     2)\n')
     2
     """
-    silent = {n for node in _silent(text) for n in range(node.lineno, (node.end_lineno or node.lineno) + 1)}
-    rest = {n: line.strip() for n, line in enumerate(text.split("\n"), 1) if n not in silent}
-    if not any('"""' in line or "'''" in line or line.endswith("\\") for line in rest.values()):
-        return sum(bool(line) and line[0] != "#" for line in rest.values())
-    # Only a text of several lines can hold what looks like a comment or is blank, and is code: to take it apart is dear.
     tokens = tokenize.generate_tokens(io.StringIO(text).readline)
-    lines = {n for t in tokens if t.type not in _NO_CODE for n in range(t.start[0], t.end[0] + 1)}
-    return len(lines - silent)
+    silent = {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER}
+    lines = {n for t in tokens if t.type not in silent for n in range(t.start[0], t.end[0] + 1)}
+    for node in _silent(text):
+        lines -= set(range(node.lineno, (node.end_lineno or node.lineno) + 1))
+    return len(lines)
 
 
 class Measure(NamedTuple):

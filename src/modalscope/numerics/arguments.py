@@ -24,8 +24,14 @@ from modalscope.numerics.errors import DataError, check_choice, check_option_nam
 
 #: Errors that Python and numpy raise on wrong values.
 LIBRARY_ERRORS = (
-    *(ArithmeticError, AssertionError, AttributeError, LookupError, MemoryError, RuntimeError),
-    *(TypeError, ValueError),
+    ArithmeticError,
+    AssertionError,
+    AttributeError,
+    LookupError,
+    MemoryError,
+    RuntimeError,
+    TypeError,
+    ValueError,
 )
 
 #: Range of numbers that can be a measure, a count or a factor.

@@ -45,8 +45,13 @@ _ONLY_INPUT = "u1"
 _PREFIX = re.compile(r"^(?:frequency response|frf|transfer function|tf|h[12v]?)(?![A-Za-z0-9])[\s:_(]*", re.IGNORECASE)
 _PAIR = re.compile(r"^(?P<out>[^/]+?)\s*(?:/|<-|->)\s*(?P<in>[^/]+?)$")
 _OTHER_PART = {"real": "imag", "imag": "real", "mag": "phase", "phase": "mag"}
-WORDS_OF_PARTS = {"real": "real part", "imag": "imaginary part", "mag": "magnitude"}
-WORDS_OF_PARTS |= {"phase": "phase", "coh": "coherence"}
+WORDS_OF_PARTS = {
+    "real": "real part",
+    "imag": "imaginary part",
+    "mag": "magnitude",
+    "phase": "phase",
+    "coh": "coherence",
+}
 
 
 def part_of(name: str) -> tuple[str, str] | None:

@@ -103,7 +103,7 @@ def spread_of(settled: Settled, poles: ComplexArray, response: Response, groups:
     shapes = np.max([_of_shapes(point, fitted, each.covariance, each.own, lost) for each in candidates], axis=0)
     if seen.coloured and not point.problem.records:
         white = _of_poles(poles, candidates[0].covariance, point) ** 2, candidates[0].degrees
-        seen_by = [_by_channel(point, fitted, C, gradient) for gradient in gradients_of_poles(poles)]
+        seen_by = _by_channel(point, fitted, C, poles)
         by_output = [wandering(v, k, parts_of(*(x.sum(2) for x in s))) for v, k, s in zip(*white, seen_by, strict=True)]
         by_input = wandering(white[0][0], white[1][0], parts_of(*(x.sum(1) for x in seen_by[0])))
         lower = np.fmin(lower, lower_damping_of_channels(poles, by_output[0] + by_input))
@@ -115,10 +115,11 @@ def spread_of(settled: Settled, poles: ComplexArray, response: Response, groups:
     return Spread(variances[0] ** 0.5, variances[1] ** 0.5, np.where(opened, 0, degrees).T, lower, shapes, *apart)
 
 
-def _by_channel(point: Point, fitted: Fitted, inverse: RealArray, gradient: RealArray) -> tuple[RealArray, RealArray]:
-    """Return the shares of channels in the information on numbers of poles, and what they add to their errors, (n, l, m) each."""
-    power, pull = by_channel(point, fitted, steps_of_poles(gradient, inverse))
-    return power / np.maximum(power.sum(axis=(1, 2), keepdims=True), 1e-300), pull
+def _by_channel(point: Point, fitted: Fitted, C: RealArray, poles: ComplexArray) -> list[tuple[RealArray, RealArray]]:
+    """Return shares of channels in the information on frequencies, then on damping ratios, and what they add to their errors, (n, l, m)."""
+    power, pull = by_channel(point, fitted, np.concatenate([steps_of_poles(g, C) for g in gradients_of_poles(poles)]))
+    share = power / np.maximum(power.sum(axis=(1, 2), keepdims=True), 1e-300)
+    return list(zip(np.split(share, 2), np.split(pull, 2), strict=True))
 
 
 def _with_scatter(
