@@ -11,6 +11,7 @@ from modalscope.numerics.checks import RealArray
 from modalscope.numerics.functions.damped_tones import (
     blow_out_of_silence,
     decay_of,
+    held_until,
     release_of,
     slower,
     unexplained_by_decay,
@@ -79,6 +80,27 @@ def test_a_blow_out_of_silence_is_a_decay_of_many_modes_at_once_and_vibration_be
     assert found.first == 500
     moving = quiet + 0.05 * np.abs(struck).max() * rng.standard_normal((4500, 3))
     assert blow_out_of_silence(moving) == 0
+
+
+@pytest.mark.parametrize("rate", [20.0, 200.0])
+def test_a_structure_that_is_held_aside_and_let_go_decays_from_its_release_on(rate: float) -> None:
+    samples, before = int(100 * rate), int(15 * rate)
+    free = decay(samples, rate, before)
+    held = free + np.where(np.arange(samples) < before, 1.0, 0.0)[:, None] * free[before] + [5.0, -2.0]
+    held += 0.01 * np.random.default_rng(5).standard_normal(held.shape)
+    assert release_of(without_offset(held)) is None  # what is held is as large as what moves
+    found = decay_of(held)
+    assert found is not None
+    assert before <= found.first <= before + 2 * rate / F[0]
+    assert found.unexplained < 0.02
+    assert np.all(np.abs(found.samples.mean(axis=0)) < 0.02)  # about where it comes to rest
+    assert kind_of_test(held[None], None) == "free decay"
+
+
+def test_what_moves_from_its_beginning_on_is_not_held() -> None:
+    assert held_until(decay(2000, 20.0, noise=0.01)) == 0
+    assert held_until(decay(2000, 20.0, before=400, noise=0.01)) == 0
+    assert held_until(ambient(3000, 20.0)) == 0
 
 
 @pytest.mark.parametrize("samples", [3000, 20000])

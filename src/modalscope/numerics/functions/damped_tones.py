@@ -78,6 +78,12 @@ def decay_of(run: RealArray) -> Decay | None:
     blow, (y, step) = blow_out_of_silence(whole), slower(whole)
     y = one_in(whole[blow:], step) if blow else y
     release = release_of(y, weighed=blow == 0)
+    if release is None and (held := held_until(y)):
+        blow = step * (held + (_FILTER_REACH if step > 1 else 0))  # no window of the filter reaches into the hold
+        if step > largest_step(len(run) - blow):
+            return None
+        y = one_in(without_offset(run[blow:]), step)
+        release = release_of(y)
     return None if release is None else Decay(y[release[0] :], step, blow + step * release[0], release[1])
 
 
@@ -117,6 +123,28 @@ def blow_out_of_silence(y: RealArray) -> int:
     first, stretch = int(np.argmax(power >= _POWER_AT_RELEASE * power.max())), max(len(y) // 100, 1)
     before = power[max(first - stretch, 0) : first]
     return first if len(before) == stretch and np.median(before) < _SILENCE * power.max() else 0
+
+
+def held_until(y: RealArray) -> int:
+    """Return the sample at which a structure that is held away from rest is let go, 0 where none is held; y (N, l).
+
+    Displacements and strains of a structure that is pulled aside are as large before the release as after it, so their size does not tell
+    it; but they do not move: their steps from sample to sample are the first to rise.
+
+    Examples
+    --------
+    >>> t = np.arange(-200, 800)
+    >>> held_until(np.where(t < 0, 1, np.exp(-0.004 * t) * np.cos(0.7 * t))[:, None])
+    201
+    >>> held_until((np.exp(-0.004 * t) * np.cos(0.7 * t))[:, None])
+    0
+    """
+    y = y[:_MAX_SAMPLES] - np.median(y[:_MAX_SAMPLES], axis=0)
+    sizes, steps = (
+        np.sum(x**2 / np.maximum(np.mean(x**2, axis=0), np.finfo(float).tiny), axis=1) for x in (y, np.diff(y, axis=0))
+    )
+    large, moves = (int(np.argmax(power >= _POWER_AT_RELEASE * power.max())) for power in (sizes, steps))
+    return moves + 1 if moves - large >= max(len(y) // 100, 1) else 0
 
 
 def slower(y: RealArray) -> tuple[RealArray, int]:
