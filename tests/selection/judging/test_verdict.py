@@ -8,7 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from modalscope.data import FrequencyResponse
+from modalscope.analysis.workflow.analyze import analyze
+from modalscope.data import FrequencyResponse, Signals
 from modalscope.data.deferred import Deferred
 from modalscope.identification.orders import ORDERS_END
 from modalscope.numerics.functions.poles import frequencies_and_damping, poles_from
@@ -395,3 +396,20 @@ def test_rounding_does_not_choose_the_middle_of_a_group(nudge: float) -> None:
     # and what is nearer by more than that is taken, wherever it stands
     three = poles_of(*(Pole(n, f=f) for n, f in ((1, 10.0), (2, 10.1), (3, 10.05))))
     assert verdict._starts(three, [np.arange(3)]).tolist() == [2]
+
+
+@pytest.mark.parametrize("turns", [0.2, 3.0])
+def test_what_did_not_come_back_once_in_a_free_decay_is_a_drift_and_no_mode(turns: float) -> None:
+    t = np.arange(1200) / 40
+    tones = [np.exp(2 * np.pi * f * (-zeta + 1j) * t) for f, zeta in ((1.7, 0.006), (4.1, 0.01))]
+    slow = np.exp(-0.02 * t) * np.cos(2 * np.pi * turns * t / 30 + 1)
+    y = np.stack([*tones, slow], axis=1).real @ np.array([[1, 0.6], [0.8, -1], [0.3, -0.2]])
+    y += 0.002 * np.random.default_rng(0).standard_normal(y.shape)
+    modes = analyze(Signals(outputs=y, sampling_rate=40.0, quantities="displacement")).modes
+    found = modes.frequencies
+    assert np.allclose(found[-2:], [1.7, 4.1], rtol=1e-3)
+    if turns < 1:
+        assert found.size == 2
+        assert any("less than one period" in str(each) for each in modes.left_out)
+    else:
+        assert np.allclose(found[:-2], [turns / 30], rtol=0.02)

@@ -11,6 +11,7 @@ from modalscope.data.indicators import cmif, prominence
 from modalscope.data.modes import ModalModel
 from modalscope.data.rebuilt import of_diagram, peak_sizes
 from modalscope.data.response import Response, output_scale
+from modalscope.data.responses import ImpulseResponse
 from modalscope.data.results import StabilizationDiagram
 from modalscope.data.shown import figures, percent
 from modalscope.data.whitening import levels_of_channels
@@ -43,6 +44,8 @@ CERTAIN, CERTAIN_SHARE = 0.3, 0.25
 UNCERTAIN = 0.7
 #: ... unless the spectra of the record have a peak there this many times as high as the test's threshold.
 CLEAR = 2.0
+#: What has not come back once in a free decay is no oscillation yet: the drift of a sensor bends as much.
+NO_PERIOD = "less than one period of it was recorded, which a drift of sensors explains as well"
 #: Minimum share of the members with a standard deviation, for the group to have one.
 _MIN_SHARE_WITH_DEVIATION = 0.5
 
@@ -51,7 +54,8 @@ _MIN_SHARE_WITH_DEVIATION = 0.5
 class Evidence:
     """What the data say of a group of poles: the response's level and indicator curves over frequency, and its size.
 
-    The data have decays of `added_damping` (1/s) more than the poles: what an exponential window added.
+    The data have decays of `added_damping` (1/s) more than the poles: what an exponential window added. `one_period`: frequency, Hz, of
+    one period in a free decay; 0 for other data, whose errors do not drift with the time since the release.
     """
 
     frequencies: RealArray
@@ -60,6 +64,7 @@ class Evidence:
     samples: float
     ambient: bool
     added_damping: float = 0.0
+    one_period: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,7 +118,10 @@ def evidence_of(diagram: StabilizationDiagram) -> Evidence:
     parts = [(f, cmif(H / scale), np.linalg.norm(H / scale, axis=(1, 2))) for f, H in response.spectra()]
     f, curves, level = (np.concatenate(part) for part in zip(*parts, strict=True))
     size = np.sqrt(response.count * outputs * inputs / (outputs + inputs))
-    return Evidence(f, level, np.sqrt(curves) if ambient else curves, float(size), ambient, response.added_damping)
+    given, shown = diagram.as_measured, np.sqrt(curves) if ambient else curves
+    decays = isinstance(given, ImpulseResponse) and given.kind == "free decay"
+    one_period = (given.sampling_rate or 0.0) / len(given.values) if decays else 0.0
+    return Evidence(f, level, shown, float(size), ambient, response.added_damping, one_period)
 
 
 class Gathered:
@@ -173,6 +181,8 @@ def judge(
     lasting = int(poles.order[group].max()) >= orders[-min(GAP, len(orders))]
     certain = evidence.ambient and left_open < CERTAIN and found >= CERTAIN_SHARE and lasting
     against = []
+    if f < evidence.one_period:
+        against.append(NO_PERIOD)
     if not certain and group.size < max(min(LEAST_ORDERS, len(orders)), LEAST_SHARE * len(orders)):
         against.append(f"found at {group.size} of {len(orders)} orders only")
     if persistence < LEAST_PERSISTENCE:

@@ -28,6 +28,7 @@ from modalscope.selection.judging.evidence import (
     LEAST_PEAK,
     LEAST_PERSISTENCE,
     LEAST_PROMINENCE,
+    NO_PERIOD,
     Candidate,
     Evidence,
     Own,
@@ -307,6 +308,8 @@ def _mode(
     against = []
     if not low <= f <= high:
         against.append(f"outside the band, at {f:.5g} Hz")
+    if f < trial.evidence.one_period:
+        against.append(NO_PERIOD)
     if hidden:
         few_orders = f"found at {best.members.size} of {len(trial.poles.orders)} orders only, and errors are not white"
         against.append(few_orders if rare else too_little(gain, trial.bar, coloured=True))
