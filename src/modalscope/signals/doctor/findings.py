@@ -63,7 +63,8 @@ ROWS = {
         "Compare these sensors, and change the sign of one or of its force."),
     "leakage": (
         "{percent:.0f} % of its largest vibration remains at the end of the {what}",
-        "{longer}, or give exponential=0.01, which is corrected for in the damping."),
+        "{longer}, or give exponential=0.01, which is corrected for in the damping. "
+        "With a quiet force --route records is better: lines of whole records have no leakage."),
     "low coherence": (
         "coherence {explained:.2f} at its resonances",
         "Look for overloaded hits, noise, short segments, or forces that were not measured (then leave out those that were)."),
