@@ -21,6 +21,7 @@ from modalscope.selection.judging.surroundings import (
     explained_nearby,
     left_at_end,
     note_on_ends,
+    widened_by_window,
     with_reasons,
 )
 from tests.interfaces.plot import examples
@@ -171,6 +172,31 @@ def test_responses_without_records_have_a_note_alone_and_only_on_lines_of_a_tran
     assert "blocks of 0.5 s without a window, 2 modes went on at their ends (73 % left at 10 Hz)" in str(note)
     assert note_on_ends(on_lines(np.arange(4, 40, step) + 0.7), two()) is None
     assert note_on_ends(on_lines(np.arange(400, 4000) * 0.01), two()) is None
+
+
+@pytest.mark.parametrize(("bandwidth", "within"), [(2.0, 0.25), (4.0, 0.06), (8.0, 0.12)])
+def test_a_hann_window_widens_resonances_by_a_known_part(bandwidth: float, within: float) -> None:
+    """The impulse response times the autocorrelation of the window is what H1 of random forces tends to."""
+    samples, rate = 2048, 256.0
+    f, zeta = 40.0, bandwidth * rate / samples / (2 * 40.0)
+    w = np.hanning(samples + 1)[:-1]
+    r = np.correlate(w, w, "full")[samples - 1 :] / (w @ w)
+    t = np.arange(samples) / rate
+    h = np.exp(-2 * np.pi * f * zeta * t) * np.sin(2 * np.pi * f * t) * r
+    lines = np.fft.rfftfreq(samples, 1 / rate)
+    near = (lines > 20) & (lines < 60)
+    seen = FrequencyResponse(values=np.fft.rfft(h)[near, None, None], frequencies=lines[near], quantity="displacement")
+    response = replace(
+        seen, values=seen.values * (1 + 1e-4 * np.random.default_rng(0).standard_normal(seen.values.shape))
+    )
+    assert not [note for note in ms.analyze(response, frequencies=[f]).notes if note.kind == "window"]
+    averaged = replace(response, coherence=np.full(response.values.shape, 0.99))
+    result = ms.analyze(averaged, frequencies=[f])
+    widened = result.modes.damping_ratios[0] / zeta - 1
+    assert widened == pytest.approx(4 / (3 * bandwidth**2), rel=within)
+    truth = replace(result.modes, poles=result.modes.poles.imag * 1j + -2 * np.pi * f * zeta)
+    assert widened_by_window(response, truth)[0] == pytest.approx(4 / (3 * bandwidth**2), rel=1e-3)
+    assert any(note.kind == "window" for note in result.notes)
 
 
 def on_lines(lines: np.ndarray) -> FrequencyResponse:

@@ -40,6 +40,7 @@ from modalscope.selection.judging.surroundings import (
     explained_nearby,
     left_at_end,
     note_on_ends,
+    note_on_window,
     with_reasons,
 )
 from modalscope.selection.likelihood.joint_fit import for_judging
@@ -180,9 +181,9 @@ def concluded(
     if any(finding.kind == "leakage" for finding in findings):
         modes = with_reasons(modes, {LEFT_AT_END: left_at_end(response, modes)})
     leakage = (
-        note_on_ends(response, modes)
+        (note_on_ends(response, modes), note_on_window(response, modes))
         if isinstance(data, Response) and not response.ambient
-        else leakage_note(data, response, modes.frequencies, modes.damping_ratios)
+        else (leakage_note(data, response, modes.frequencies, modes.damping_ratios),)
     )
     notes = [
         *modes.notes,
@@ -190,7 +191,7 @@ def concluded(
         *told,
         *(Note(f"data: {finding.kind}", {}, str(finding)) for finding in findings),
         *sampled(data),
-        *([] if leakage is None else [leakage]),
+        *(note for note in leakage if note is not None),
         *fit,
         *undenied(modes, (note for diagram in diagrams for note in diagram.notes)),
     ]

@@ -56,10 +56,10 @@ def left_at_end(response: Response, modes: ModalModel) -> RealArray:
 
 def note_on_ends(response: Response, modes: ModalModel) -> Note | None:
     """Return a note on modes that may not have died within blocks of the length that the lines of a response tell; None where all have."""
-    left, grid = left_at_end(response, modes), response.grid
+    left = left_at_end(response, modes)
     gone_on = np.flatnonzero(left > DIED)
-    if grid is None or not gone_on.size or np.any(np.abs(grid / line_step(response) % 1 - 0.5) < 0.4):
-        return None  # all have died, or these are no lines of a transform
+    if not gone_on.size or not _of_a_transform(response):
+        return None
     most, seconds = int(gone_on[np.argmax(left[gone_on])]), 1 / line_step(response)
     text = (
         f"If the responses come from blocks of {seconds:.4g} s without a window, {counted(gone_on.size, 'mode')} went on at their ends "
@@ -68,6 +68,50 @@ def note_on_ends(response: Response, modes: ModalModel) -> Note | None:
     return Note(
         "leakage", {"modes": gone_on.size, "seconds": seconds, "frequency": float(modes.frequencies[most])}, text
     )
+
+
+def widened_by_window(response: Response, modes: ModalModel) -> RealArray:
+    """Return by what part damping is too high where responses are H1 of random forces under a Hann window, (n,); NaN of samples.
+
+    What such spectra estimate is the impulse response times r(t), the autocorrelation of the window w over a block of T = 1 / line spacing:
+
+        r(t) = 1 - (t / T)^2 2 pi^2 / 3 + ...,      since int w'^2 / int w^2 = (4 pi^2 / 3) / T^2.
+
+    The slope of a t^2 under the weights exp(-2 sigma t) of a decay is 2 a / sigma, so that sigma grows by (4 pi^2 / 3) / (sigma T)^2, and
+    with a half-power bandwidth of B = sigma T / pi lines by 4 / (3 B^2) of its value. Of fewer than two lines it is less than that.
+    """
+    if response.grid is None or len(response.grid) < 2 or response.added_damping:
+        return np.full(len(modes), np.nan)
+    bandwidths = np.maximum(-modes.poles.real, np.finfo(float).tiny) / (np.pi * line_step(response))
+    return np.asarray(4 / (3 * np.maximum(bandwidths, np.finfo(float).eps) ** 2))
+
+
+def note_on_window(response: Response, modes: ModalModel) -> Note | None:
+    """Return a note on modes whose damping a Hann window would bias by more than a hundredth and than its standard deviation, else None.
+
+    A coherence shows that spectra were averaged, as those of random forces are; without one nothing speaks for such a window.
+    """
+    if getattr(response, "coherence", None) is None:
+        return None
+    bias, std = widened_by_window(response, modes), modes.damping_ratios_std
+    known = np.zeros(len(modes)) if std is None else np.nan_to_num(std / modes.damping_ratios)
+    wide = np.flatnonzero(bias > np.maximum(known, DIED))
+    if not wide.size or not _of_a_transform(response):
+        return None
+    most = int(wide[np.argmax(bias[wide])])
+    share = percent(float(bias[most]), 2) if bias[most] < 1 / 3 else "a third or more"
+    text = (
+        f"If the responses were averaged under a Hann window (random forces), damping is too high: by {share} at "
+        f"{modes.frequencies[most]:.4g} Hz, and of {counted(wide.size, 'mode')} by more than intervals say. Measure longer blocks, or "
+        "identify the records"
+    )
+    return Note("window", {"modes": wide.size, "frequency": float(modes.frequencies[most])}, text)
+
+
+def _of_a_transform(response: Response) -> bool:
+    """Whether the lines of a response are multiples of their spacing, as those of a discrete transform are."""
+    grid = response.grid
+    return grid is not None and not bool(np.any(np.abs(grid / line_step(response) % 1 - 0.5) < 0.4))
 
 
 def with_reasons(modes: ModalModel, facts: Mapping[str, RealArray]) -> ModalModel:
