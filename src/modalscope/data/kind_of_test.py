@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from modalscope.numerics.checks import Array, RealArray
-from modalscope.numerics.functions.damped_tones import decay_of
+from modalscope.numerics.functions.damped_tones import decays_of
 from modalscope.numerics.statistics import NORMAL
 
 #: An impact puts this part of its energy into this part of the record.
@@ -26,7 +26,7 @@ def kind_of_test(outputs: RealArray, inputs: RealArray | None) -> str:
     if inputs is not None:
         runs = [[force for force in run.T if np.any(force != force[0])] for run in inputs]
         return commonest(["hammer" if all(map(is_impact, run)) else "shaker" for run in runs if run], "shaker")
-    return "free decay" if all(decay_of(run) is not None for run in outputs) else "ambient"
+    return "free decay" if decays_of(outputs) is not None else "ambient"
 
 
 def commonest(kinds: Sequence[str], otherwise: str) -> str:

@@ -11,6 +11,7 @@ from modalscope.numerics.checks import RealArray
 from modalscope.numerics.functions.damped_tones import (
     blow_out_of_silence,
     decay_of,
+    decays_of,
     held_until,
     release_of,
     slower,
@@ -95,6 +96,22 @@ def test_a_structure_that_is_held_aside_and_let_go_decays_from_its_release_on(ra
     assert found.unexplained < 0.02
     assert np.all(np.abs(found.samples.mean(axis=0)) < 0.02)  # about where it comes to rest
     assert kind_of_test(held[None], None) == "free decay"
+
+
+def test_runs_of_one_structure_are_decays_together_where_noise_hides_it_in_one() -> None:
+    rng = np.random.default_rng(3)
+    runs = np.stack([decay(1200, 20.0)] * 3)
+    runs += 0.02 * np.abs(runs).max() * rng.standard_normal(runs.shape)
+    runs[1] *= 0.4
+    runs[1] += 0.02 * np.abs(runs[0]).max() * rng.standard_normal(runs[1].shape)
+    assert [decay_of(run) is not None for run in runs] == [True, False, True]
+    found = decays_of(runs)
+    assert found is not None
+    assert [each.samples.shape for each in found] == [found[0].samples.shape] * 3
+    assert np.corrcoef(found[0].samples[:, 0], found[2].samples[:, 0])[0, 1] > 0.9
+    vibration = np.stack([decay(1200, 20.0), ambient(1200, 20.0), ambient(1200, 20.0)])
+    assert decays_of(vibration) is None
+    assert decays_of(np.stack([ambient(1200, 20.0)] * 2)) is None
 
 
 def test_what_moves_from_its_beginning_on_is_not_held() -> None:

@@ -87,6 +87,22 @@ def decay_of(run: RealArray) -> Decay | None:
     return None if release is None else Decay(y[release[0] :], step, blow + step * release[0], release[1])
 
 
+def decays_of(runs: RealArray) -> list[Decay] | None:
+    """Return the free decays in runs (R, N, l) of one structure, all at one rate; None where a run is none.
+
+    Noise and drift may leave more than a tenth of some runs, while others are decays by themselves. All have the same exponents: side by
+    side, as channels of one record, they determine these together, and what is left is of all. That takes runs released alike.
+    """
+    each = [decay_of(run) for run in runs]
+    found = [decay for decay in each if decay is not None]
+    if len(found) == len(each):
+        return found if all(decay.step == found[0].step for decay in found) else None
+    together = decay_of(np.hstack(list(runs))) if found else None
+    if together is None:
+        return None
+    return [together._replace(samples=samples) for samples in np.split(together.samples, len(runs), axis=1)]
+
+
 def without_offset(y: RealArray) -> RealArray:
     """Return a decay (N, ...) less its offset: its mean under a Hann window from its largest sample on, since a plain one holds tones, too.
 

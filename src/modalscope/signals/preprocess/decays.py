@@ -18,7 +18,7 @@ from modalscope.data.responses import ImpulseResponse
 from modalscope.data.shown import percent
 from modalscope.data.sizes import check_size
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
-from modalscope.numerics.functions.damped_tones import Decay, decay_of, one_in, without_offset
+from modalscope.numerics.functions.damped_tones import decays_of, one_in, without_offset
 from modalscope.signals.preprocess.impacts import clipped_samples
 
 #: Periods of the window that parts the multiples of a tone (a Hann window has zeros at all of them), and multiples that are looked at.
@@ -140,15 +140,12 @@ def as_free_decay(
         return signals, ()
     looked = outputs if judged is None else judged.by_run()[0]
     cut = max(map(_after_clipping, looked))
-    if cut and (cut > signals.samples // 2 or not all(decay_of(run[cut:]) for run in looked)):
+    if cut and (cut > signals.samples // 2 or decays_of(looked[:, cut:]) is None):
         cut = 0
     outputs = outputs[:, cut:]
-    decays: list[Decay] = []
-    for run in looked[:, cut:]:
-        decay = decay_of(run)
-        if decay is None or (decays and decay.step != decays[0].step):
-            return signals, ()
-        decays.append(decay)
+    decays = decays_of(looked[:, cut:])
+    if decays is None:
+        return signals, ()
     step, start = decays[0].step, (cut + decays[0].first) / signals.sampling_rate
     samples = [decay.samples for decay in decays]
     if judged is not None:
