@@ -7,8 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
-from scipy.signal import lfilter, ss2tf
 
 from modalscope.data import ModalModel, Signals
 from modalscope.data.indicators import mac
@@ -119,17 +117,16 @@ def level_of(truth: Truth) -> Array:
 
 
 def made(rng: np.random.Generator, truth: Truth, sensor: float) -> tuple[Array, Array]:
-    """Return accelerations and the noise of each channel: `sensor` times its root mean square."""
-    f, zeta = truth.frequencies, truth.damping_ratios
-    settle = int(5 * truth.rate / (2 * np.pi * float(np.min(f * zeta))))
-    e = rng.standard_normal((truth.samples + settle, truth.forces.shape[1])) @ truth.forces.T
-    q = np.zeros((truth.samples, len(f)))
-    for j, (w, z) in enumerate(zip(2 * np.pi * f, zeta, strict=True)):
-        A = np.array([[0, 1], [-(w**2), -2 * z * w]])
-        both = expm(np.block([[A, np.array([[0.0], [1.0]])], [np.zeros((1, 3))]]) / truth.rate)
-        b, a = ss2tf(both[:2, :2], both[:2, 2:], A[1:], np.ones((1, 1)))
-        q[:, j] = 2 * z * lfilter(b[0], a, e[:, j])[settle:]
-    y = q @ truth.shapes.T
+    """Return accelerations and the noise of each channel: `sensor` times its root mean square.
+
+    Forces are white below half the rate and nothing above, as a recorder's filter leaves them: of forces that are held from sample to
+    sample what lies above would be folded back, and bend shapes by more than the bound. The record is cut from a longer, periodic one.
+    """
+    settle = int(5 * truth.rate / (2 * np.pi * float(np.min(truth.frequencies * truth.damping_ratios))))
+    count = truth.samples + settle
+    e = np.fft.rfft(rng.standard_normal((count, truth.forces.shape[1])), axis=0) @ truth.forces.T
+    q = np.fft.irfft(responses(truth, np.fft.rfftfreq(count, 1 / truth.rate)) * e, count, axis=0)
+    y = q[settle:] @ truth.shapes.T
     noise = sensor * y.std(axis=0)
     return y + noise * rng.standard_normal(y.shape), noise**2
 
