@@ -15,7 +15,7 @@ from modalscope.numerics.statistics import NORMAL
 _IMPACT_ENERGY, _IMPACT_LENGTH = 0.95, 0.05
 
 #: Standard deviations of a force's noise that no sample of noise reaches, and that those of a pulse exceed.
-_NOISE_DEVIATIONS, PULSE_DEVIATIONS = 5.0, 15.0
+NOISE_DEVIATIONS, PULSE_DEVIATIONS = 5.0, 15.0
 
 
 def kind_of_test(outputs: RealArray, inputs: RealArray | None) -> str:
@@ -49,7 +49,7 @@ def is_impact(force: Array) -> bool:
     if not total or float(energy[:count].sum()) > _IMPACT_ENERGY * total:
         return total > 0
     s = NORMAL * float(np.median(size))
-    out = np.pad(size > _NOISE_DEVIATIONS * s, 1)
+    out = np.pad(size > NOISE_DEVIATIONS * s, 1)
     pulse = (size > PULSE_DEVIATIONS * s) & (out[:-2] | out[2:])
     beyond = float(np.sum(np.square(size[out[1:-1]])))
     within = float(np.sum(np.square(size[pulse])))

@@ -10,7 +10,7 @@ from modalscope.data import DataError, Signals
 from modalscope.signals.doctor import examine
 from modalscope.signals.preprocess import estimate_frf, exponential_decay
 from modalscope.signals.preprocess.excitation import find_excitation
-from modalscope.signals.preprocess.impacts import find_hits, room_of, whole_series
+from modalscope.signals.preprocess.impacts import between_hits, find_hits, room_of, whole_series
 from modalscope.signals.preprocess.spectra import WINDOWS, Segments, cross_spectra, effective_averages, window_of
 from modalscope.systems import chain5
 from tests.support import random_system, relative
@@ -140,6 +140,31 @@ def test_exponential_and_force_windows_shift_every_pole_exactly(hits):
     low = frf.frequencies < 0.1
     assert relative(frf.values[low], expected[low]) < 1e-2
     assert exponential_decay(0.01, 1800) == frf.added_damping
+
+
+def test_noise_of_the_force_between_hits_is_no_force(hits):
+    """Of noise in 1900 samples, 7 of which are a pulse, about a hundredth is left: what lies within the pulse and its length beside it."""
+    noise = 0.02 * np.random.default_rng(3).standard_normal(hits.inputs.shape)
+    noisy = Signals(outputs=hits.outputs, inputs=hits.inputs + noise, sampling_rate=1.0)
+    frf, whole = estimate_frf(noisy), estimate_frf(noisy, force_window=1e6)
+    assert "force zero between hits" in frf.processing[-1]
+    assert "force zero" not in whole.processing[-1]
+    low = frf.frequencies < 0.1
+    error, before = (relative(f.values[low], truth(f, slice(0, 1))[low]) for f in (frf, whole))
+    assert before > 0.02
+    assert error < before / 3
+
+
+def test_what_stands_out_of_the_noise_of_a_force_is_kept(hits):
+    """A weak second pulse long after the first is a force, if it exceeds five deviations of the noise."""
+    inputs = np.array(hits.inputs)
+    inputs[1000, 0], inputs[1100, 0] = 6e-4, 4e-4
+    forces = inputs[None, :, 0]
+    quiet = between_hits(forces, find_hits(forces))[0]
+    noise = np.median(np.abs(inputs)) / 0.6745
+    assert 4e-4 < 5 * noise < 6e-4
+    assert list(quiet[[1000, 1007, 1008, 1100]]) == [False, False, True, True]
+    assert quiet.mean() > 0.98
 
 
 def test_hits_can_be_chosen_by_number(hits):

@@ -6,9 +6,10 @@ import itertools
 from typing import NamedTuple
 
 import numpy as np
+from scipy.ndimage import binary_dilation
 from scipy.special import pdtrc
 
-from modalscope.data.kind_of_test import PULSE_DEVIATIONS
+from modalscope.data.kind_of_test import NOISE_DEVIATIONS, PULSE_DEVIATIONS
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, RealArray, check_count
 from modalscope.numerics.errors import DataError
@@ -168,6 +169,18 @@ def find_hits(forces: RealArray) -> list[Hit]:
             reason = f"overloaded: peak {hit.peak:.4g}, median of the hits {usual:.4g}"
             hits[i] = hit._replace(reason=reason, unfit=True)
     return hits
+
+
+def between_hits(forces: RealArray, hits: list[Hit]) -> Array:
+    """Return where forces (R, N) of one hammer are nothing but noise, (R, N): farther from all that stands out of it than a pulse is long.
+
+    There is no force between hits. The noise of its sensor there would count as force on all lines, as in H1 = S_yu / S_uu: noise of a
+    hundredth of the peak, all along 4096 samples, has a twentieth of the energy of a pulse of ten.
+    """
+    size = np.abs(forces - np.median(forces, axis=1, keepdims=True))
+    loud = size > NOISE_DEVIATIONS * NORMAL * np.median(size, axis=1, keepdims=True)
+    reach = max((hit.stop - hit.start for hit in hits), default=0)
+    return ~binary_dilation(loud, np.ones((1, 2 * reach + 1), dtype=bool))
 
 
 def room_of(hits: list[Hit], samples: int, before: int) -> dict[int, int]:

@@ -17,7 +17,15 @@ from modalscope.data.records import Signals
 from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_count, check_positive
 from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.resources import check_fits
-from modalscope.signals.preprocess.impacts import Hit, cut_hits, exponential_decay, find_hits, room_of, whole_series
+from modalscope.signals.preprocess.impacts import (
+    Hit,
+    between_hits,
+    cut_hits,
+    exponential_decay,
+    find_hits,
+    room_of,
+    whole_series,
+)
 from modalscope.signals.preprocess.spectra import Segments, Transform, check_window, cross_spectra
 
 #: Minimum prominence of a peak of the averaged spectrum, dB.
@@ -97,9 +105,15 @@ def _segment_length(signals: Signals, outputs: RealArray) -> int:
 
 
 def plan_hits(
-    signals: Signals, segment: int | None, hits: str | Iterable[int], before: int, window: str | None
+    signals: Signals,
+    segment: int | None,
+    hits: str | Iterable[int],
+    before: int,
+    window: str | None,
+    *,
+    quiet: bool = True,
 ) -> Plan:
-    """Cut the chosen hits out of the record, one segment each."""
+    """Cut the chosen hits out of the record, one segment each; `quiet`: without the noise of the force between hits."""
     if len(signals.input_dofs) != 1:
         change = "Select the runs of each hammer point, select(inputs=...), and merge their responses."
         raise DataError("hammer hits:", f"the record has {len(signals.input_dofs)} inputs instead of one", change)
@@ -108,11 +122,14 @@ def plan_hits(
         raise DataError(f"window={window!r} for hits:", "it suppresses the hit itself", change)
     outputs, inputs = without_offset(signals, "impact")
     all_hits = find_hits(inputs[:, :, 0])
+    if quiet:
+        inputs = np.where(between_hits(inputs[:, :, 0], all_hits)[:, :, None], 0.0, inputs)
     room = room_of(all_hits, signals.samples, before)
     used, note = _chosen(whole_series(all_hits, room) if segment is None else all_hits, hits)
     y, u = cut_hits(outputs, inputs, used, room, segment=segment, before=before)
     w = np.ones(y.shape[1])
     notes = [note, f"{y.shape[1]} samples from {before} ahead of the hit", "median removed"]
+    notes += ["force zero between hits"] * quiet
     return Plan(outputs=y, inputs=u, segments=Segments([0], w, w), sampling_rate=signals.sampling_rate, notes=notes)
 
 
