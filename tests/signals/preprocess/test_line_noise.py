@@ -137,3 +137,43 @@ def test_modes_are_found_beside_a_random_walk_of_their_size(tmp_path: Path) -> N
     path = tmp_path / "drift.npz"
     ms.write(path, diagram)
     assert np.array_equal(ms.read(path).response.line_scale, diagram.response.line_scale)
+
+
+def test_noise_of_responses_is_seen_between_resonances_and_a_smooth_response_is_none() -> None:
+    """Modes of a response without noise, however it falls, are no noise: neighbours of its second differences are alike."""
+    f = np.arange(1.0, 1001.0)
+    shapes = np.eye(3, dtype=complex) + 0.5
+    modes = ms.ModalModel(poles=poles_from([40.0, 200.0, 600.0], [0.02] * 3), shapes=shapes, participation=shapes.T)
+    smooth = modes.frequency_response(f).values.reshape(len(f), -1)
+    rng = np.random.default_rng(1)
+    white = rng.standard_normal(smooth.shape) + 1j * rng.standard_normal(smooth.shape)
+    rising = np.abs(smooth).max() * white / f[:, None] ** 2
+    assert lines.rising_noise(f, smooth) is None
+    assert lines.rising_noise(f, smooth + 1e-4 * np.abs(smooth).max() * white) is None
+    variance = lines.rising_noise(f, smooth + rising)
+    assert variance is not None
+    assert np.max(np.abs(np.log(variance / variance[-1] * (f / f[-1]) ** 4))) < np.log(1.5)
+    assert lines.rising_noise(f[:9], rising[:9]) is None
+
+
+@pytest.mark.slow
+def test_modes_of_a_response_that_was_integrated_twice_are_those_of_accelerances() -> None:
+    """The same test told in displacements, from 0.25 Hz: all information is there. Half the modes had no interval."""
+    rng = np.random.default_rng(2)
+    f = np.arange(0.25, 256, 0.25)
+    shapes = rng.standard_normal((5, 5)).astype(complex)
+    poles = poles_from(np.sort(rng.uniform(20, 200, 5)), np.full(5, 0.01))
+    truth = ms.ModalModel(poles=poles, shapes=shapes, participation=shapes[:2].T)
+    square = -((2 * np.pi * f)[:, None, None] ** 2)
+    accelerance = square * truth.frequency_response(f).values
+    noise = rng.standard_normal(accelerance.shape) + 1j * rng.standard_normal(accelerance.shape)
+    accelerance = accelerance + 1e-3 * np.abs(accelerance).max(axis=0) * noise
+    told = {"acceleration": accelerance, "displacement": accelerance / square}
+    first, second = (
+        ms.analyze(ms.FrequencyResponse(values=values, frequencies=f, quantity=quantity)).modes
+        for quantity, values in told.items()
+    )
+    assert len(first) == len(second) == 5
+    assert [mode.grade for mode in second] == ["good"] * 5
+    assert np.all(np.abs(first.frequencies - second.frequencies) < 2 * first.frequencies_std)
+    assert np.all(second.frequencies_std < 3 * first.frequencies_std)

@@ -7,15 +7,30 @@ from __future__ import annotations
 
 import numpy as np
 
+from modalscope.data.response import Response, fading
+from modalscope.data.responses import FrequencyResponse
 from modalscope.numerics.checks import RealArray
 from modalscope.numerics.statistics import few_channels, telling
 from modalscope.selection.likelihood.whitening import LEVEL_LINES, share_of_lines, smoothed
+from modalscope.signals.preprocess.line_noise import rising_noise
 
 #: Steps at most, rise of the log likelihood at which they end, and the longest in the logarithm.
 _STEPS, _LEAST_RISE, _LONGEST = 30, 1e-3, 2.0
 
 #: Least information of a step relative to that of its lines, and of a part: one that is not there tells nothing.
 _ROUNDING, _LEAST_PART = 1e-9, 1e-12
+
+
+def told_rows(response: Response) -> RealArray | None:
+    """Return the deviations of rows, (K,), that data tell before any model; None where they are even.
+
+    They are those of samples under an exponential window, and of lines of responses whose noise rises towards 0 Hz.
+    """
+    if not isinstance(response, FrequencyResponse) or response.of_correlations or response.added_damping:
+        return fading(response)
+    values = response.values.reshape(response.count, -1)
+    variance = rising_noise(response.frequencies, values[:, telling(values.shape[1])])
+    return None if variance is None else np.tile(np.sqrt(variance / np.exp(np.mean(np.log(variance)))), 2)
 
 
 def parts_of_level(power: RealArray, even: RealArray, size: RealArray) -> tuple[RealArray, RealArray]:

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy.linalg as sla
 
-from modalscope.data.response import Response, fading, window_over_lines
+from modalscope.data.response import Response, window_over_lines
 from modalscope.data.whitening import levels_of_channels
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.numerics.functions.pole_basis import ModalBasis
 from modalscope.numerics.statistics import telling
-from modalscope.selection.likelihood.line_levels import parts_of_level, rows_of_lines
+from modalscope.selection.likelihood.line_levels import parts_of_level, rows_of_lines, told_rows
 from modalscope.selection.likelihood.whitening import (
     LEVEL_LINES,
     Colour,
@@ -104,7 +104,7 @@ def floor_of(response: Response, poles: Array) -> Floor:
     variance, scattered = response.variance, response.averages is not None
     if variance is not None:
         return _floor(response, basis, taken, *from_variance(variance, len(basis.data), scattered=scattered))
-    told = fading(response)
+    told = told_rows(response)
     floor = _floor(response, basis, taken, np.ones(len(basis.data)) if told is None else told)
     if response.grid is not None:
         telling_alone = _of_telling(basis)

@@ -12,7 +12,7 @@ import scipy.linalg as sla
 
 from modalscope.data.record_residual import excess, excess_notes
 from modalscope.data.record_spectra import RecordSpectra
-from modalscope.data.response import Response, fading, line_step, output_scale, window_over_lines
+from modalscope.data.response import Response, line_step, output_scale, window_over_lines
 from modalscope.data.whitening import levels_of_channels
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.errors import DataError
@@ -23,7 +23,7 @@ from modalscope.selection.likelihood.descent import Descent, descend_from
 from modalscope.selection.likelihood.driven import whitened_records
 from modalscope.selection.likelihood.information import residual, residuals, window_noise
 from modalscope.selection.likelihood.likelihood import Whitened, unit_vectors, whitened
-from modalscope.selection.likelihood.line_levels import rows_of_lines
+from modalscope.selection.likelihood.line_levels import rows_of_lines, told_rows
 from modalscope.selection.likelihood.whitening import (
     Colour,
     Levels,
@@ -223,7 +223,7 @@ class Task:
 def task_of(
     response: Response, fixed: ComplexArray, weights: Array | None, progress: Callable[[int, int], None] | None
 ) -> Task:
-    """Return the task of a response: noise from its variance where it carries one and no weights are given, faded as a window made it.
+    """Return the task of a response: noise from its variance where it carries one and no weights are given, else as data tell it.
 
     `weights` (lines or samples,).
     """
@@ -233,8 +233,8 @@ def task_of(
     if weights is None and variance is not None:
         by_row, known = from_variance(variance, rows, scattered=response.averages is not None)
         return Task(response, fixed, powers, by_row, known, even, progress)
-    faded = fading(response) if weights is None else None
-    by_row = row_deviations(rows, weights) if faded is None else faded
+    told = told_rows(response) if weights is None else None
+    by_row = row_deviations(rows, weights) if told is None else told
     return Task(response, fixed, powers, by_row, None, even, progress)
 
 

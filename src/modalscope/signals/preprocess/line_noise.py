@@ -1,4 +1,4 @@
-"""Estimate coloured noise that rises towards 0 Hz (drift of sensors, integration) on the lines of records, and whiten the lines.
+"""Estimate noise that rises towards 0 Hz (drift of sensors, integration) on the lines of records and of responses.
 
 A random walk has the spectrum s^2 / |x - 1|^2 on the lines x = exp(j w dt), flicker its root, an integrated walk its square. The equations
 of records are valid line by line. Outputs, inputs and transients of a line may therefore be divided by the standard deviation of its
@@ -13,7 +13,7 @@ the first factor common to all outputs, which represents a resonance between the
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -21,7 +21,7 @@ import scipy.linalg as sla
 
 from modalscope.data.notes import Note
 from modalscope.data.record_spectra import RecordSpectra
-from modalscope.numerics.checks import RealArray
+from modalscope.numerics.checks import ComplexArray, RealArray
 
 #: The kind of the note.
 DRIFT = "noise rises"
@@ -42,6 +42,14 @@ _OUTLIER_RATIO, _MIN_DESCRIBED = 3.0, 0.9
 
 #: Maximum number of rounds of the fit.
 _MAX_ROUNDS = 30
+
+#: Of responses: least lines of a group, and the powers of 1 / f whose sum the noise is: white noise, flicker, signals that were integrated
+#: once and twice.
+_MIN_GROUP, _POWERS_OF_RESPONSES = 8, (0, 1, 2, 4)
+
+#: What second differences leave is noise where neighbours have at most this correlation: -2/3 of white noise, -2/5 of noise under a Hann
+#: window; what is smooth, as near resonances, has nearly one. At least this part of the groups must be noise.
+_MOST_ALIKE, _MIN_NOISY = -1 / 3, 0.5
 
 #: Singular values of the numerators' columns below this part of the largest are rounding.
 _RANK = 1e-8
@@ -64,7 +72,7 @@ def level_lines(spectra: RecordSpectra) -> tuple[RecordSpectra, tuple[Note, ...]
     ['noise rises']
     """
     variance = line_noise(spectra)
-    if variance is None or np.mean(variance) * np.mean(1 / variance) < _MIN_LOSS:
+    if variance is None or _loss(variance) < _MIN_LOSS:
         return spectra, ()
     decibels = 10 * np.log10(variance.max() / variance.min())
     scale = np.sqrt(variance / np.exp(np.mean(np.log(variance))))
@@ -77,16 +85,68 @@ def level_lines(spectra: RecordSpectra) -> tuple[RecordSpectra, tuple[Note, ...]
 
 
 def line_noise(spectra: RecordSpectra) -> RealArray | None:
-    """Return the variance of noise on every line up to a factor, (F,), a sum of powers of 1 / |x - 1|^2; None where none fits.
-
-    1 / variance of a line is the mean over the outputs, each relative to its median over the lines.
-    """
+    """Return the variance of noise on every line up to a factor, (F,), a sum of powers of 1 / |x - 1|^2; None where none fits."""
     groups = [group for run in spectra.spans_of_runs for group in _groups(run, spectra)]
     if not groups:
         return None
     rise = np.abs(spectra.points - 1) ** -2.0
     columns = (rise / rise.max())[:, None] ** np.array(_NOISE_POWERS)
     powers = np.maximum([_residual_power(spectra, group) for group in groups], np.finfo(float).tiny)
+    return _described(columns, groups, powers)
+
+
+def rising_noise(frequencies: RealArray, values: ComplexArray) -> RealArray | None:
+    """Return the variance of the noise of responses (F, c) on every line up to a factor, (F,), where it rises towards 0 Hz, else None.
+
+    Responses of integrated signals, receptances from accelerometers say, are full of it. Beside noise a response is smooth: of white noise
+    x_k - (x_k-1 + x_k+1) / 2 has 3/2 of the variance. Its median over groups of lines passes over resonances.
+
+    Examples
+    --------
+    >>> f, rng = np.arange(1.0, 401.0), np.random.default_rng(0)
+    >>> noise = rng.standard_normal((400, 6)) + 1j * rng.standard_normal((400, 6))
+    >>> rising_noise(f, noise) is None
+    True
+    >>> v = rising_noise(f, noise / f[:, None] ** 2)
+    >>> bool(abs(np.log(v[0] / v[99]) / np.log(100) - 4) < 0.1)
+    True
+    """
+    bend = values[1:-1] - (values[:-2] + values[2:]) / 2
+    groups, start = list[slice](), 0
+    while start + _MIN_GROUP <= len(bend):
+        groups.append(slice(start, start + max(_MIN_GROUP, round(_GROUP_DISTANCE * start))))
+        start = groups[-1].stop
+    if not groups:
+        return None
+    powers = np.maximum([np.median(np.abs(bend[group]) ** 2, axis=0) for group in groups], np.finfo(float).tiny)
+    noisy = np.array([_alike(bend[group], powers.mean(axis=0)) < _MOST_ALIKE for group in groups])
+    if noisy.mean() < _MIN_NOISY:
+        return None
+    f = np.maximum(frequencies, frequencies[1] - frequencies[0])
+    columns = (f[0] / f[:, None]) ** np.array(_POWERS_OF_RESPONSES)
+    seen = [slice(group.start + 1, group.stop + 1) for group, alone in zip(groups, noisy, strict=True) if alone]
+    variance = _described(columns, seen, powers[noisy])
+    return None if variance is None or _loss(variance) < _MIN_LOSS else variance
+
+
+def _alike(bend: ComplexArray, power: RealArray) -> float:
+    """Return the correlation of neighbours in a group of second differences."""
+    both = np.sum((bend[1:] * bend[:-1].conj()).real / power)
+    return float(both / max(np.sum(np.abs(bend) ** 2 / power), np.finfo(float).tiny))
+
+
+def _loss(variance: RealArray) -> float:
+    """Return the variance of a mean over lines by equal weights relative to that by optimal ones."""
+    return float(np.mean(variance) * np.mean(1 / variance))
+
+
+def _described(columns: RealArray, groups: Sequence[slice], powers: RealArray) -> RealArray | None:
+    """Return a sum of columns (F, c) that describes the noise of groups of lines, (F,); None where none does.
+
+    1 / variance of a line is the mean over the channels, each relative to its median over the groups.
+
+    `powers` (groups, channels).
+    """
     power = 1 / np.mean(np.median(powers, axis=0) / powers, axis=1)
     group_columns = np.array([columns[group].mean(axis=0) for group in groups])
     coefficients = _coefficients(group_columns, power)
