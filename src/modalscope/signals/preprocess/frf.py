@@ -86,8 +86,8 @@ def estimate_frf(
         Relative noise powers for "hv" and "h2", one number or one per channel; only their ratios matter. By default the
         same fraction of every channel's own power.
     force_window : float, optional
-        Seconds after a hit's trigger during which the force is kept; zero after that. By default it is zero where nothing stands out
-        of its noise.
+        Seconds after a hit's trigger during which the force is kept; zero after that. By default, of several hits, zero where nothing
+        stands out of its noise, if that explains more of the outputs.
     exponential : float, optional
         Value to which an exponential window on outputs and inputs falls at the end of a segment, such as 0.01. Its damping
         is kept as `added_damping`, so that identified poles are shifted back exactly.
@@ -150,7 +150,7 @@ def estimate_frf(
     else:
         _check_options(kind, estimator, period, force_window, exponential)
         if kind == "impact":
-            plan = plan_hits(signals, segment, hits, before, window, quiet=force_window is None)
+            plan = plan_hits(signals, segment, hits, before, window, as_told=force_window is not None)
         else:
             plan = plan_runs(signals, kind, segment, overlap, window)
         apply_windows(plan, force_window, exponential, before)

@@ -174,8 +174,8 @@ def find_hits(forces: RealArray) -> list[Hit]:
 def between_hits(forces: RealArray, hits: list[Hit]) -> Array:
     """Return where forces (R, N) of one hammer are nothing but noise, (R, N): farther from all that stands out of it than a pulse is long.
 
-    There is no force between hits. The noise of its sensor there would count as force on all lines, as in H1 = S_yu / S_uu: noise of a
-    hundredth of the peak, all along 4096 samples, has a twentieth of the energy of a pulse of ten.
+    Noise of the sensor there would count as force on all lines, as in H1 = S_yu / S_uu: noise of a hundredth of the peak, all along 4096
+    samples, has a twentieth of the energy of a pulse of ten.
     """
     size = np.abs(forces - np.median(forces, axis=1, keepdims=True))
     loud = size > NOISE_DEVIATIONS * NORMAL * np.median(size, axis=1, keepdims=True)

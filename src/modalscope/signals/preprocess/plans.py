@@ -111,9 +111,12 @@ def plan_hits(
     before: int,
     window: str | None,
     *,
-    quiet: bool = True,
+    as_told: bool = True,
 ) -> Plan:
-    """Cut the chosen hits out of the record, one segment each; `quiet`: without the noise of the force between hits."""
+    """Cut the chosen hits out of the record, one segment each.
+
+    `as_told`: whether the force is what its sensor tells between hits, too; else it is zero there where that explains more of the outputs.
+    """
     if len(signals.input_dofs) != 1:
         change = "Select the runs of each hammer point, select(inputs=...), and merge their responses."
         raise DataError("hammer hits:", f"the record has {len(signals.input_dofs)} inputs instead of one", change)
@@ -122,15 +125,27 @@ def plan_hits(
         raise DataError(f"window={window!r} for hits:", "it suppresses the hit itself", change)
     outputs, inputs = without_offset(signals, "impact")
     all_hits = find_hits(inputs[:, :, 0])
-    if quiet:
-        inputs = np.where(between_hits(inputs[:, :, 0], all_hits)[:, :, None], 0.0, inputs)
     room = room_of(all_hits, signals.samples, before)
     used, note = _chosen(whole_series(all_hits, room) if segment is None else all_hits, hits)
     y, u = cut_hits(outputs, inputs, used, room, segment=segment, before=before)
     w = np.ones(y.shape[1])
     notes = [note, f"{y.shape[1]} samples from {before} ahead of the hit", "median removed"]
-    notes += ["force zero between hits"] * quiet
+    if not as_told and len(u) > 1:
+        silent = np.where(between_hits(inputs[:, :, 0], all_hits)[:, :, None], 0.0, inputs)
+        alone = cut_hits(outputs, silent, used, room, segment=segment, before=before)[1]
+        if _unexplained(y, alone) < _unexplained(y, u):
+            u = alone
+            notes.append("force zero between hits")
     return Plan(outputs=y, inputs=u, segments=Segments([0], w, w), sampling_rate=signals.sampling_rate, notes=notes)
+
+
+def _unexplained(y: RealArray, u: RealArray) -> float:
+    """Return the part of outputs (hits, n, l) that one response to the force (hits, n, 1) of all hits leaves, the mean over outputs."""
+    Y, U = (np.fft.rfft(x, axis=1) for x in (y, u))
+    force = np.maximum(np.sum(np.abs(U) ** 2, axis=0), np.finfo(float).tiny)
+    power = np.sum(np.abs(Y) ** 2, axis=0)
+    told = np.sum(np.abs(np.sum(Y * U.conj(), axis=0)) ** 2 / force, axis=0)
+    return float(np.mean(1 - told / np.maximum(power.sum(axis=0), np.finfo(float).tiny)))
 
 
 def _chosen(all_hits: list[Hit], asked: str | Iterable[int]) -> tuple[list[Hit], str]:
