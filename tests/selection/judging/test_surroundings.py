@@ -21,6 +21,7 @@ from modalscope.selection.judging.surroundings import (
     explained_nearby,
     left_at_end,
     note_on_ends,
+    note_on_window,
     widened_by_window,
     with_reasons,
 )
@@ -197,6 +198,11 @@ def test_a_hann_window_widens_resonances_by_a_known_part(bandwidth: float, withi
     truth = replace(result.modes, poles=result.modes.poles.imag * 1j + -2 * np.pi * f * zeta)
     assert widened_by_window(response, truth)[0] == pytest.approx(4 / (3 * bandwidth**2), rel=1e-3)
     assert any(note.kind == "window" for note in result.notes)
+    for step, said in (
+        ("H1 of 5 averages, impact excitation: no window", False),
+        ("random excitation: hann window", True),
+    ):
+        assert (note_on_window(replace(averaged, processing=(step,)), result.modes) is not None) == said
 
 
 def on_lines(lines: np.ndarray) -> FrequencyResponse:

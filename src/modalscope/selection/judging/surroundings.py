@@ -89,9 +89,11 @@ def widened_by_window(response: Response, modes: ModalModel) -> RealArray:
 def note_on_window(response: Response, modes: ModalModel) -> Note | None:
     """Return a note on modes whose damping a Hann window would bias by more than a hundredth and than its standard deviation, else None.
 
-    A coherence shows that spectra were averaged, as those of random forces are; without one nothing speaks for such a window.
+    A coherence shows that spectra were averaged, as those of random forces are; without one nothing speaks for such a window, nor where
+    `processing` names another.
     """
-    if getattr(response, "coherence", None) is None:
+    told = " ".join(getattr(response, "processing", ()))
+    if getattr(response, "coherence", None) is None or ("excitation" in told and "hann window" not in told):
         return None
     bias, std = widened_by_window(response, modes), modes.damping_ratios_std
     known = np.zeros(len(modes)) if std is None else np.nan_to_num(std / modes.damping_ratios)
