@@ -11,7 +11,14 @@ from modalscope.data import ModalModel, Signals
 from modalscope.data.indicators import mac
 from modalscope.numerics.checks import ComplexArray, RealArray
 from modalscope.numerics.functions.poles import poles_from
-from modalscope.selection.likelihood.line_shapes import _CORRELATED, _inverse_of_others, _Lines, _Lobe, line_shapes
+from modalscope.selection.likelihood.line_shapes import (
+    _CORRELATED,
+    _inverse_of_others,
+    _Lines,
+    _Lobe,
+    _overlay,
+    line_shapes,
+)
 from tests.selection.judging.any_ambient import Truth, made
 from tests.selection.judging.dominated import hidden_modes
 
@@ -98,6 +105,14 @@ def test_forces_that_are_correlated_do_not_bias_a_shape() -> None:
     modes = ModalModel(poles=poles_from(truth.frequencies, truth.damping_ratios), shapes=SHAPES.astype(complex))
     found = line_shapes(Signals(outputs=y, sampling_rate=10.0), modes).shapes
     assert np.all(mac(found, SHAPES.astype(complex)).diagonal() > 0.995)
+
+
+def test_beside_a_mode_without_power_others_have_all_of_it() -> None:
+    lines = _Lines(np.zeros((1, 20, 3), complex), np.arange(20.0), np.ones((2, 20), complex), _CORRELATED[0])
+    found = _overlay(lines, started(0.0), np.array([[0.0, 1.0]] * 3))
+    assert np.all(np.isfinite(found))
+    assert found[0] > 1e12
+    assert found[1] == 0
 
 
 def test_units_of_channels_do_not_matter() -> None:

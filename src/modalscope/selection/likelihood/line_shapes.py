@@ -221,7 +221,8 @@ def _overlay(lines: _Lines, modes: ModalModel, shapes: RealArray) -> RealArray:
     at = np.clip(np.searchsorted(lines.frequencies, modes.frequencies), 0, len(lines.frequencies) - 1)
     there = power[:, None] * lines.powers[:, at]
     own = np.diag(there)
-    return np.asarray((there.sum(axis=0) - own) / np.maximum(own, np.finfo(float).tiny))
+    whole = there.sum(axis=0)
+    return np.asarray((whole - own) / np.maximum(own, np.finfo(float).eps * whole + np.finfo(float).tiny))
 
 
 def _within(lines: _Lines, f: float, near: float, far: float) -> IntArray:
