@@ -169,6 +169,31 @@ def test_a_workbook_gives_points(tmp_path: Path) -> None:
     assert data.geometry.coordinates.tolist() == [[0, 0, 0], [1.5, 0, 0]]
 
 
+def test_a_sheet_of_a_chart_before_the_points_is_passed_over(tmp_path: Path) -> None:
+    openpyxl = pytest.importorskip("openpyxl")
+    book, chart = openpyxl.Workbook(), pytest.importorskip("openpyxl.chart").BarChart()
+    for row in (["node", "x", "y", "z"], ["A1", 0, 0, 0], ["A2", 1.5, 0, 0]):
+        book.active.append(row)
+    chart.add_data("Sheet!B2:B3")
+    book.create_chartsheet("picture", 0).add_chart(chart)
+    book.save(tmp_path / "points.xlsx")
+    data = record(tmp_path / "a.csv", "A1:+Z", "A2:+Z")
+    assert ms.read(data, geometry=tmp_path / "points.xlsx").geometry.nodes == ("A1", "A2")
+    assert geometry_among([data, tmp_path / "points.xlsx"]) == ([data], (tmp_path / "points.xlsx",))
+
+
+def test_a_fault_of_the_program_is_not_taken_for_a_file_without_points(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "points.csv").write_text(POINTS)
+    data = record(tmp_path / "a.csv", "A1:+Z", "A2:+Z")
+    (tmp_path / "b.xlsx").write_bytes(b"no workbook")
+    assert geometry_among([data, tmp_path / "b.xlsx"]) == ([data, tmp_path / "b.xlsx"], ())
+    monkeypatch.setattr("modalscope.io.geometry.split", lambda *_: {}["fault"])
+    with pytest.raises(KeyError, match="fault"):
+        geometry_among([data, tmp_path / "points.csv"])
+
+
 def test_a_mesh_gives_nodes_lines_and_faces(tmp_path: Path) -> None:
     meshio = pytest.importorskip("meshio")
     points = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [2, 0, 0]]

@@ -107,10 +107,10 @@ def test_inside_of_another_program_the_walk_is_made_here(foreign, monkeypatch):
 
 def test_the_program_says_what_the_function_finds(foreign, tmp_path):
     space = room("a", foreign.stat().st_size)
-    assert hdf5._apart(foreign, space) == hdf5._here(foreign, space) == []
+    assert hdf5._apart(foreign, space, "") == hdf5_walk.refusal(str(foreign), space.left, "") == []
     (tmp_path / "b.h5").write_bytes(foreign.read_bytes()[:500])
-    there, here = hdf5._apart(tmp_path / "b.h5", space), hdf5._here(tmp_path / "b.h5", space)
-    assert there == here != []
+    here = hdf5_walk.refusal(str(tmp_path / "b.h5"), space.left, "")
+    assert hdf5._apart(tmp_path / "b.h5", space, "") == here != []
 
 
 def test_attributes_are_statements_and_groups_are_read(tmp_path):

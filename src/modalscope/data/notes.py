@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import MISSING, dataclass, field, fields
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -171,11 +171,11 @@ class _Row:
         check_kind("an entry of the file", entries, Mapping)
         named = {"frequency" if name == "frequency_hz" else name: value for name, value in entries.items()}
         known = {each.name: named[each.name] for each in fields(cls) if each.name in named}  # type: ignore[arg-type]
-        try:
-            return cls(**known)
-        except TypeError:  # an entry that has no default
+        lacking = [each.name for each in fields(cls) if each.default is MISSING and each.name not in known]  # type: ignore[arg-type]
+        if lacking:
             have = f"its entries are {', '.join(entries)}"
-            raise DataError(f"a {cls.__name__}:", have, "Write the file again.") from None
+            raise DataError(f"a {cls.__name__} needs {', '.join(lacking)}:", have, "Write the file again.")
+        return cls(**known)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True, slots=True)

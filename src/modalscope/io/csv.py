@@ -129,7 +129,7 @@ def _own_table(path: Path) -> _Table | None:
         raise needs(path.name, f"{len(header)} numbers in every row", fault, "Correct them, or copy it again.")
     columns = [(name, array) for name, array in zip(header, arrays, strict=True) if name not in words]
     table = _Table(path.name, notes, [name for name, _ in columns], [array for _, array in columns])
-    if "rows" in notes and len(arrays[0]) != _number(table, "rows"):
+    if _number(table, "rows") not in (None, len(arrays[0])):
         remedy = "Restore them or copy it again; if it was cut on purpose, take the comment `# rows` out."
         stated = f"{notes['rows'][:CHARACTERS_SHOWN]} rows, as its header says"
         raise needs(path.name, stated, f"it has {len(arrays[0])}", remedy)
@@ -157,9 +157,10 @@ def _edited(table: _Table) -> tuple[str, ...]:
     return (f"edited since it was written: without mode {which}",) if gone.size else ()
 
 
-def _number(table: _Table, name: str) -> float:
+def _number(table: _Table, name: str) -> float | None:
+    """Return the number that a comment gives; None where there is no such comment."""
     try:
-        return float(table.notes[name])
+        return float(table.notes[name]) if name in table.notes else None
     except ValueError:
         fault = f"it is {table.notes[name][:CHARACTERS_SHOWN]!r}"
         raise DataError(f"{name} in {table.where} needs a number", fault, "Correct the comment.") from None
@@ -167,8 +168,7 @@ def _number(table: _Table, name: str) -> float:
 
 def _rate(table: _Table) -> float:
     """Return the rate that the header says and the times agree with."""
-    stated = _number(table, "sampling_rate") if "sampling_rate" in table.notes else None
-    times = Column(number=1, name="time_s", unit="s", values=table.columns[0])
+    times, stated = Column(number=1, name="time_s", unit="s", values=table.columns[0]), _number(table, "sampling_rate")
     return sampling_rate(Table(where=table.where, columns=(times,), rate=stated, rate_from="its header"), times, {})[0]
 
 
@@ -178,15 +178,13 @@ def _said(table: _Table, *names: str) -> dict[str, Any]:
 
 
 def _frequency_response(table: _Table) -> FrequencyResponse:
-    rate = _number(table, "sampling_rate") if "sampling_rate" in table.notes else None
     fields = _pairs(table, ("real", "imag")) | _said(table, "quantity")
-    return FrequencyResponse(frequencies=table.columns[0], sampling_rate=rate, **fields)
+    return FrequencyResponse(frequencies=table.columns[0], sampling_rate=_number(table, "sampling_rate"), **fields)
 
 
 def _impulse_response(table: _Table) -> ImpulseResponse:
     fields = {"kind": "dirac", **_pairs(table, ("",)), **_said(table, "quantity", "kind")}
-    if "first_sample" in table.notes:
-        start = _number(table, "first_sample")
+    if (start := _number(table, "first_sample")) is not None:
         fields["first_sample"] = int(start) if start.is_integer() else start
     thing, first = ImpulseResponse(sampling_rate=_rate(table), **fields), float(table.columns[0][0])
     late = abs(first - thing.times[0]) * thing.sampling_rate >= _MAX_SHIFT

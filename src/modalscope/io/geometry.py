@@ -28,7 +28,7 @@ from modalscope.data.channels import Channels
 from modalscope.data.geometry import Motion
 from modalscope.io.columns.vocabulary import parted
 from modalscope.io.columns.words import split_head
-from modalscope.io.contents import DAMAGED, Contents, Options, needs, unreadable
+from modalscope.io.contents import Contents, Options, needs, unreadable
 from modalscope.io.limits import room
 from modalscope.io.options import MESHES
 from modalscope.io.recorders import rows_of_workbook
@@ -134,21 +134,23 @@ def _points_of(path: Path) -> set[str] | None:
     """Return the nodes that a table of points names, none of a mesh; None for other files."""
     if path.suffix.lower() in MESHES:
         return set()
-    if path.suffix.lower() not in TABLES:
-        return None
-    with suppress(DataError, OSError, *DAMAGED):
-        head, rows, _ = _rows(path, _FIRST)  # a long record is not read to its end for that
-        places = _places(path, head, len(rows[0])) if head else {}
-        return {row[places["node"]] for row in _rows(path)[1]} if {"node", "x", "y"} <= set(places) else None
-    return None
+    places = _named(_if_table(path, _FIRST)[0])  # a long record is not read to its end for that
+    nodes = {row[places["node"]] for row in _if_table(path)[1]} if {"node", "x", "y"} <= set(places) else set()
+    return nodes or None
 
 
 def _joins(path: Path, nodes: set[str]) -> bool:
     """Whether a table has nothing but names of nodes."""
-    with suppress(DataError, OSError, *DAMAGED):
-        rows = _rows(path)[1] if path.suffix.lower() in TABLES else []
-        return bool(rows) and all(cell in nodes for row in rows for cell in row if cell)
-    return False
+    rows = _if_table(path)[1]
+    return bool(rows) and all(cell in nodes for row in rows for cell in row if cell)
+
+
+def _if_table(path: Path, most: int = _MAX_POINTS) -> tuple[list[str], list[list[str]]]:
+    """Return the head and the rows of a table of points or lines; nothing of any other file."""
+    if path.suffix.lower() in TABLES:
+        with suppress(DataError, OSError):
+            return _rows(path, most)[:2]
+    return [], []
 
 
 def with_places(contents: Contents, exact: bool) -> Contents:
@@ -331,6 +333,15 @@ def _places(path: Path, head: Sequence[str], width: int) -> dict[str, int]:
     bare = {3: "xyz", 4: ("node", "x", "y", "z"), 2: "xy"}.get(width)
     if not head and bare is not None:
         return {name: k for k, name in enumerate(bare)}
+    places = _named(head)
+    if "x" not in places:
+        need, fault = "columns x, y, z (and node)", f"its columns are {', '.join(head[:8]) or width}"
+        raise needs(f"points from {path.name}", need, fault, "Name them in the first row: node,x,y,z")
+    return places
+
+
+def _named(head: Sequence[str]) -> dict[str, int]:
+    """Return the place of each column whose name says its role."""
     places: dict[str, int] = {}
     for k, cell in enumerate(head):
         name = split_head(cell)[0].strip().lower()
@@ -339,9 +350,6 @@ def _places(path: Path, head: Sequence[str], width: int) -> dict[str, int]:
                 places.setdefault(role, k)
         if name[:1] in "xyz" and name[1:].strip("_ ") in _AFTER_AXIS:
             places.setdefault(name[:1], k)
-    if "x" not in places:
-        need, fault = "columns x, y, z (and node)", f"its columns are {', '.join(head[:8]) or width}"
-        raise needs(f"points from {path.name}", need, fault, "Name them in the first row: node,x,y,z")
     return places
 
 

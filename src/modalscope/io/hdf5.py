@@ -187,7 +187,8 @@ def check_hdf5(path: Path, room: Room, streamed: str = "") -> None:
     `room`: what its arrays may take. `streamed`: the dataset that is read stretch by stretch: its chunks are bounded, not its size.
     """
     try:
-        answer = (_here if _is_sealed(path) or not python() else _apart)(path, room, streamed)
+        here = _is_sealed(path) or not python()
+        answer = hdf5_walk.refusal(str(path), room.left, streamed) if here else _apart(path, room, streamed)
     except UnicodeEncodeError:
         answer = ["its name has characters that no text has", "Rename the file."]
     if answer:
@@ -223,15 +224,7 @@ def _is_sealed(path: Path) -> bool:
     return True
 
 
-def _here(path: Path, room: Room, streamed: str = "") -> list[str]:
-    try:
-        hdf5_walk.walk(str(path), room.left, streamed)
-    except hdf5_walk.Refused as refused:
-        return [refused.fault, refused.remedy]
-    return []
-
-
-def _apart(path: Path, room: Room, streamed: str = "") -> list[str]:
+def _apart(path: Path, room: Room, streamed: str) -> list[str]:
     """Walk in a Python of its own, which finds h5py where this one does and nothing else."""
     fault, told = run_apart("h5py", room, [hdf5_walk.__file__, str(path), str(room.left), streamed])
     try:

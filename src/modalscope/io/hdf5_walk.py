@@ -215,14 +215,14 @@ def _reference(name: str, item: Any, reference: Any, visit: _Visit) -> None:
         _dataset(f"{name} (a cell)", target, visit)
 
 
-def _main(path: str, left: int, streamed: str) -> None:
-    answer: list[str] = []
+def refusal(path: str, left: int, streamed: str) -> list[str]:
+    """Return the fault of a file that `walk` refuses, and the remedy; nothing of a file that is sound."""
     try:
         walk(path, left, streamed)
     except Refused as refused:
-        answer = [refused.fault, refused.remedy]
-    sys.stdout.write(json.dumps(answer))
+        return [refused.fault, refused.remedy]
+    return []
 
 
 if __name__ == "__main__":
-    _main(sys.argv[1], int(sys.argv[2]), sys.argv[3])
+    sys.stdout.write(json.dumps(refusal(sys.argv[1], int(sys.argv[2]), sys.argv[3])))

@@ -129,9 +129,9 @@ def read_excel(path: Path, options: Options) -> Contents:
 
 
 def rows_of_workbook(path: Path) -> list[tuple[int, str]]:
-    """Return the rows of the first sheet with their numbers, cells separated by tabs."""
-    names, read = sheets(path, room(path.name, path.stat().st_size), {})
-    return read[names[0]]
+    """Return the rows of the first sheet of cells with their numbers, cells separated by tabs; none where all sheets are charts."""
+    _, read = sheets(path, room(path.name, path.stat().st_size), {})
+    return next(iter(read.values()), [])
 
 
 def sheets(path: Path, space: Room, options: Options) -> tuple[list[str], dict[str, list[tuple[int, str]]]]:

@@ -71,6 +71,7 @@ def test_without_entries_there_is_no_head() -> None:
     ("text", "words"),
     [
         ("project = ", "Write lines such as"),
+        (f"project = {'[' * 5000}", "Write lines such as"),
         ("sensors = 3", "sensors of a header are tables"),
         ("sensors = [1]", "tables"),
     ],

@@ -139,6 +139,22 @@ def test_foreign_and_empty_files_are_told(tmp_path, data, text):
     refused(tmp_path / "a.uff", data, text)
 
 
+@pytest.mark.parametrize("dataset", [55, 2414])
+@pytest.mark.parametrize(
+    ("damping", "text"), [("  2.50000E+00", "a damping ratio within 1, but they are 3 Hz and 2.5"), ("", "cut off")]
+)
+def test_a_mode_that_cannot_be_is_told_from_a_record_that_ends(tmp_path, dataset, damping, text):
+    real = ModalModel(poles=[-0.75 + 18.8j], shapes=[[1.0], [2.0]], output_dofs=("1:+Z", "2:+Z"))
+    mio.write(tmp_path / "whole.uff", real, dataset=dataset)
+    row = {55: "{f}{zero}{zeta}{zero}", 2414: "{zero}{f}{zero}{zero}{zeta}{zero}"}[dataset]
+    said = {"f": f"{real.frequencies[0]:13.5E}", "zeta": f"{real.damping_ratios[0]:13.5E}", "zero": f"{0:13.5E}"}
+    new = {"f": "  3.00000E+00", "zeta": damping, "zero": said["zero"]}
+    changed = row.format(**new) if damping else said["f"]
+    data = (tmp_path / "whole.uff").read_bytes()
+    assert row.format(**said).encode() in data
+    refused(tmp_path / "a.uff", data.replace(row.format(**said).encode(), changed.encode()), text)
+
+
 def test_a_delimiter_inside_binary_data_is_data(tmp_path):
     trap = np.frombuffer(b"\n    -1\n" * 2)
     values = np.concatenate([trap, [1.0, 2.0]])

@@ -29,7 +29,7 @@ def header_of(given: str | Path | Mapping[str, Any] | None) -> dict[str, Any]:
         path = check_path(given)
         try:
             header = tomllib.loads(path.read_text(encoding="utf-8"))
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, RecursionError) as error:
             fault = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
             remedy = 'Write lines such as project = "Bridge 7", and a table [[sensors]] for each sensor.'
             raise DataError(f"reading the header {path.name}:", fault.lower(), remedy) from None

@@ -38,10 +38,10 @@ def contents_from_table(table: Table, options: Options) -> Contents:
     ignored = {column.number for column in ignored_columns(table.columns, options.get("ignore"))}
     columns = [column for column in table.columns if column.number not in ignored]
     option_roles = roles_of_option(columns, options["columns"]) if options.get("columns") else {}
-    found = readings(table, columns, option_roles, options.get("sampling_rate") or table.rate)
+    rate = options.get("sampling_rate") or table.rate
+    found = readings(table, columns, option_roles, rate)
     margin = 0.0 if option_roles else _margin(found)
     if options.get("content"):
-        rate = options.get("sampling_rate") or table.rate
         found = readings(table, columns, option_roles, rate, options["content"])
     if not option_roles and not options.get("content"):
         _refuse_near(table, found, _works(table, columns, options))

@@ -13,7 +13,6 @@ from itertools import takewhile
 
 import numpy as np
 
-from modalscope.data import DataError
 from modalscope.data.units import plain_unit
 from modalscope.io.columns.vocabulary import key_meaning, words_of
 from modalscope.io.columns.words import factor_to_base, kind_of_unit, split_head
@@ -71,14 +70,9 @@ class Stated:
         values = [rate for rate, _ in rates]
         if values and max(values) > 1.001 * min(values):
             said = dict.fromkeys(f"{s.key} {s.value[:_MAX_CHARACTERS_OF_KEY]}" for _, s in rates)
-            raise _several_rates(where, list(said)[:4])
+            fault = f"its header says several: {', '.join(map(repr, list(said)[:4]))}"
+            raise needs(where, "one sampling rate", fault, "Say it: --sampling-rate HZ")
         return rates[0] if rates else None
-
-
-def _several_rates(where: str, statements: Sequence[str]) -> DataError:
-    """Return the error of statements that say different rates."""
-    fault = f"its header says several: {', '.join(map(repr, statements))}"
-    return needs(where, "one sampling rate", fault, "Say it: --sampling-rate HZ")
 
 
 def stated_by(statements: Iterable[Statement], decimal: str) -> Stated:

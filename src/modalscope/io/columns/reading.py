@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from modalscope.io.columns.axis import rises
+from modalscope.io.columns.lines import from_decibels, phase_unit
 from modalscope.io.columns.table import Column, Table, span
 from modalscope.io.columns.vocabulary import meanings_of
 from modalscope.io.columns.weights import HINT, NEVER, SURE, WORD, Weights, even_step, weigh
@@ -245,9 +246,8 @@ def pairing_of(
         ways = {("real", "imag"): [a + 1j * b for a, b in values]}
     if _may_be_phases([b for _, b in values]):
         levels = any(a.min() < 0 for a, _ in values)
-        with np.errstate(over="ignore"):
-            sizes = [10 ** (a / 20) if levels else a for a, _ in values]
-        degrees = any(np.abs(b).max() > 2 * np.pi + 0.01 for _, b in values)
+        sizes = [from_decibels(a) if levels else a for a, _ in values]
+        degrees = any(phase_unit("", b) == "deg" for _, b in values)
         turns = [np.deg2rad(b) if degrees else b for _, b in values]
         ways["mag", "phase"] = [
             np.asarray(size * np.exp(1j * turn), complex) for size, turn in zip(sizes, turns, strict=True)

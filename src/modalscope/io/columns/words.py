@@ -49,7 +49,7 @@ _ENDS_OF_TIMES = {
     "usec": "us", "nanos": "ns", "nanosecond": "ns", "nanoseconds": "ns", "nsec": "ns",
 }  # fmt: skip
 #: Units that may as well be a number or letter of a channel, outside of square brackets.
-_AMBIGUOUS_UNITS = {"1", "-", "A", "C", "F", "G", "K", "W"}
+AMBIGUOUS_UNITS = {"1", "-", "A", "C", "F", "G", "K", "W"}
 #: Two numbers in the brackets are places, as in `H[1/1]`.
 _BRACKETED = re.compile(r"^(?P<name>.*?)\s*[\[<{](?!\d+/\d+[\]>}])(?P<unit>[^\[\]<>{}]*)[\]>}]\s*(?P<rest>\S*)$")
 #: A head with one pair of brackets, at its end: they hold the unit, whatever strokes there are.
@@ -108,21 +108,13 @@ def short_unit(unit: str) -> str:
 
 def is_unit(text: str) -> bool:
     """Whether a text is a unit that is known, or a ratio of such."""
-    plain = plain_unit(text)
-    if kind_of_unit(text):
-        return True
-    above, slash, below = plain.rpartition("/")
-    return bool(slash) and kind_of_unit(above) != "" and kind_of_unit(below) != ""
+    above, _, below = plain_unit(text).rpartition("/")
+    return bool(kind_of_unit(text) or (kind_of_unit(above) and kind_of_unit(below)))
 
 
 def bare_unit(unit: str) -> str:
     """Return a unit; nothing for what says that there is none."""
     return "" if kind_of_unit(unit) == "none" else unit
-
-
-def is_ambiguous(text: str) -> bool:
-    """Whether a unit is as often a number or letter of a channel."""
-    return text in _AMBIGUOUS_UNITS
 
 
 def factor_to_base(unit: str) -> float:
@@ -156,15 +148,15 @@ def split_head(head: str) -> tuple[str, str]:
     if match:
         unit = (match["round"] or match["plain"]).strip()
         # m/s is no column `m` in s
-        whole = plain_unit(text) in _KIND_OF_UNIT or (not is_ambiguous(match["name"]) and is_unit(text))
-        if is_unit(unit) and not is_ambiguous(unit) and not whole:
+        whole = plain_unit(text) in _KIND_OF_UNIT or (match["name"] not in AMBIGUOUS_UNITS and is_unit(text))
+        if is_unit(unit) and unit not in AMBIGUOUS_UNITS and not whole:
             return match["name"].strip(), unit
     match = None if match else _BRACKETED.match(text)
     if match and match["name"] and not (meanings_of(match["unit"]) and not is_unit(match["unit"])):  # [Re] is a part
         return " ".join(f"{match['name']} {match['rest']}".split()), match["unit"].strip()
     for pattern in (_ROUND, _SLASH, _UNDERSCORE):
         match = pattern.match(text)
-        if match and is_unit(match["unit"]) and not is_ambiguous(match["unit"]):
+        if match and is_unit(match["unit"]) and match["unit"] not in AMBIGUOUS_UNITS:
             return match["name"].strip(), match["unit"].strip()
     return text, _ENDS_OF_TIMES.get((words_of(text) or ("",))[-1], "")
 

@@ -20,7 +20,7 @@ from modalscope.io.columns.facts import Statement
 from modalscope.io.columns.lines import part_of
 from modalscope.io.columns.vocabulary import key_meaning, meanings_of
 from modalscope.io.columns.weights import role_by_words
-from modalscope.io.columns.words import is_ambiguous, is_unit, kind_of_unit, split_head
+from modalscope.io.columns.words import AMBIGUOUS_UNITS, is_unit, kind_of_unit, split_head
 from modalscope.io.text.cells import Dialect, is_missing, is_number, is_stamp, is_value, split
 from modalscope.io.text.dialect import DELIMITERS, value_rows
 
@@ -314,17 +314,19 @@ def _units_after(cells: Sequence[str]) -> int | None:
         units
         and len(units) == len(filled)
         and (len(filled) > 1 or is_unit(_bare(filled[0])) or filled[0] not in bracketed)
-        and (len(filled) > 1 or len(cells) == 1 or bracketed or not is_ambiguous(filled[0]))
+        and (len(filled) > 1 or len(cells) == 1 or bracketed or filled[0] not in AMBIGUOUS_UNITS)
     ):
         return 0
-    strong = [cell for cell in units if kind_of_unit(_bare(cell)) not in ("", "none") and not is_ambiguous(_bare(cell))]
+    strong = [
+        cell for cell in units if kind_of_unit(_bare(cell)) not in ("", "none") and _bare(cell) not in AMBIGUOUS_UNITS
+    ]
     named = any(meanings_of(cell) for cell in filled if cell not in units)
     if strong and len(filled) > 1 and 2 * len(units) > len(filled) and not named:
         return 0  # of some the unit is not known
     if not filled or filled[0] != cells[0]:
         return None
     named = _is_row_name(cells[0])
-    sure = [cell for cell in filled[1:] if is_unit(_bare(cell)) and (named or not is_ambiguous(_bare(cell)))]
+    sure = [cell for cell in filled[1:] if is_unit(_bare(cell)) and (named or _bare(cell) not in AMBIGUOUS_UNITS)]
     return 1 if len(sure) > 1 - named and sure == filled[1:] and (named or _names_axis(cells[0])) else None
 
 

@@ -112,20 +112,19 @@ def _reals(where: str, line: bytes) -> list[float]:
 
 
 def _pole(where: str, analysis: int, lines: Sequence[bytes], newer: bool) -> complex:
-    first, second = _reals(where, lines[0]), _reals(where, lines[1]) if newer else []
-    try:
-        if analysis == _NORMAL:
-            frequency, damping = (first[1], first[4]) if newer else (first[0], first[2])
-            if frequency < 0 or abs(damping) > 1:
-                fault = f"they are {frequency:g} Hz and {damping:g}"
-                remedy = "Correct the mode, or leave it out."
-                raise DataError(f"{where} needs a frequency above 0 and a damping ratio within 1", fault, remedy)
-            return complex(poles_from(frequency, damping))
-        real, imag = second[:2] if newer else first[:2]
-    except (IndexError, ValueError):
-        fault = "the record is cut off"
-        raise DataError(f"{where} needs the frequency or the eigenvalue of its mode", fault, DAMAGED) from None
-    return complex(real, imag)
+    records = [_reals(where, line) for line in lines[: 1 + newer]]
+    values = records[0 if analysis == _NORMAL else -1]
+    places = (0, 1) if analysis != _NORMAL else (1, 4) if newer else (0, 2)
+    if len(values) <= places[1]:
+        asked = f"{where} needs the frequency or the eigenvalue of its mode"
+        raise DataError(asked, "the record is cut off", DAMAGED)
+    first, second = (values[place] for place in places)
+    if analysis != _NORMAL:
+        return complex(first, second)
+    if first < 0 or abs(second) > 1:
+        fault, remedy = f"they are {first:g} Hz and {second:g}", "Correct the mode, or leave it out."
+        raise DataError(f"{where} needs a frequency from 0 on and a damping ratio within 1", fault, remedy)
+    return complex(poles_from(first, second))
 
 
 def _values(where: str, lines: Sequence[bytes], head: dict[str, int]) -> dict[tuple[int, int], complex]:

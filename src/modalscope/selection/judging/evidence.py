@@ -11,7 +11,6 @@ from modalscope.data.indicators import cmif, prominence
 from modalscope.data.modes import ModalModel
 from modalscope.data.rebuilt import of_diagram, peak_sizes
 from modalscope.data.response import Response, output_scale
-from modalscope.data.responses import ImpulseResponse
 from modalscope.data.results import StabilizationDiagram
 from modalscope.data.shown import figures, percent
 from modalscope.data.whitening import levels_of_channels
@@ -119,8 +118,7 @@ def evidence_of(diagram: StabilizationDiagram) -> Evidence:
     f, curves, level = (np.concatenate(part) for part in zip(*parts, strict=True))
     size = np.sqrt(response.count * outputs * inputs / (outputs + inputs))
     given, shown = diagram.as_measured, np.sqrt(curves) if ambient else curves
-    decays = isinstance(given, ImpulseResponse) and given.kind == "free decay"
-    one_period = (given.sampling_rate or 0.0) / len(given.values) if decays else 0.0
+    one_period = (given.sampling_rate or 0.0) / given.count if given.decaying else 0.0
     return Evidence(f, level, shown, float(size), ambient, response.added_damping, one_period)
 
 
