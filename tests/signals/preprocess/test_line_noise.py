@@ -154,6 +154,9 @@ def test_noise_of_responses_is_seen_between_resonances_and_a_smooth_response_is_
     assert variance is not None
     assert np.max(np.abs(np.log(variance / variance[-1] * (f / f[-1]) ** 4))) < np.log(1.5)
     assert lines.rising_noise(f[:9], rising[:9]) is None
+    with_dead = np.hstack([smooth + rising, np.where(f == 500, 1e150, 0)[:, None], np.zeros((len(f), 1))])
+    assert lines.rising_noise(f, with_dead) == pytest.approx(variance, rel=1e-6)
+    assert lines.rising_noise(f, with_dead[:, -2:]) is None
 
 
 @pytest.mark.slow

@@ -82,8 +82,8 @@ def widened_by_window(response: Response, modes: ModalModel) -> RealArray:
     """
     if response.grid is None or len(response.grid) < 2 or response.added_damping:
         return np.full(len(modes), np.nan)
-    bandwidths = np.maximum(-modes.poles.real, np.finfo(float).tiny) / (np.pi * line_step(response))
-    return np.asarray(4 / (3 * np.maximum(bandwidths, np.finfo(float).eps) ** 2))
+    bandwidths = np.maximum(-modes.poles.real / (np.pi * line_step(response)), np.finfo(float).eps)
+    return np.asarray(4 / (3 * bandwidths**2))
 
 
 def note_on_window(response: Response, modes: ModalModel) -> Note | None:

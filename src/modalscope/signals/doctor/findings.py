@@ -64,7 +64,7 @@ ROWS = {
     "leakage": (
         "{percent:.0f} % of its largest vibration remains at the end of the {what}",
         "{longer}, or give exponential=0.01, which is corrected for in the damping. "
-        "With a quiet force --route records is better: lines of whole records have no leakage."),
+        "With a quiet force identify by the route of records: lines of whole records have no leakage."),
     "low coherence": (
         "coherence {explained:.2f} at its resonances",
         "Look for overloaded hits, noise, short segments, or forces that were not measured (then leave out those that were)."),

@@ -140,12 +140,12 @@ def as_free_decay(
         return signals, ()
     looked = outputs if judged is None else judged.by_run()[0]
     cut = max(map(_after_clipping, looked))
-    if cut and (cut > signals.samples // 2 or decays_of(looked[:, cut:]) is None):
-        cut = 0
-    outputs = outputs[:, cut:]
-    decays = decays_of(looked[:, cut:])
+    decays = decays_of(looked[:, cut:]) if cut <= signals.samples // 2 else None
+    if cut and decays is None:
+        cut, decays = 0, decays_of(looked)
     if decays is None:
         return signals, ()
+    outputs = outputs[:, cut:]
     step, start = decays[0].step, (cut + decays[0].first) / signals.sampling_rate
     samples = [decay.samples for decay in decays]
     if judged is not None:

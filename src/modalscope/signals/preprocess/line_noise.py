@@ -112,13 +112,20 @@ def rising_noise(frequencies: RealArray, values: ComplexArray) -> RealArray | No
     True
     """
     bend = values[1:-1] - (values[:-2] + values[2:]) / 2
+    bend = bend / np.maximum(np.abs(bend).max(axis=0, initial=0.0), np.finfo(float).tiny)
     groups, start = list[slice](), 0
     while start + _MIN_GROUP <= len(bend):
         groups.append(slice(start, start + max(_MIN_GROUP, round(_GROUP_DISTANCE * start))))
         start = groups[-1].stop
     if not groups:
         return None
-    powers = np.maximum([np.median(np.abs(bend[group]) ** 2, axis=0) for group in groups], np.finfo(float).tiny)
+    powers = np.array([np.median(np.abs(bend[group]) ** 2, axis=0) for group in groups])
+    told = np.all(
+        powers > np.finfo(float).eps ** 2, axis=0
+    )  # a channel of zeros, but for some lines, has no noise to tell
+    if not told.any():
+        return None
+    bend, powers = bend[:, told], powers[:, told]
     noisy = np.array([_alike(bend[group], powers.mean(axis=0)) < _MOST_ALIKE for group in groups])
     if noisy.mean() < _MIN_NOISY:
         return None
@@ -132,7 +139,7 @@ def rising_noise(frequencies: RealArray, values: ComplexArray) -> RealArray | No
 def _alike(bend: ComplexArray, power: RealArray) -> float:
     """Return the correlation of neighbours in a group of second differences."""
     both = np.sum((bend[1:] * bend[:-1].conj()).real / power)
-    return float(both / max(np.sum(np.abs(bend) ** 2 / power), np.finfo(float).tiny))
+    return float(both / np.sum(np.abs(bend) ** 2 / power))
 
 
 def _loss(variance: RealArray) -> float:
