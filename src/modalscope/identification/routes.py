@@ -31,6 +31,7 @@ from modalscope.signals.preprocess.bands import driven_band, struck_band
 from modalscope.signals.preprocess.excitation import excitation_of, find_period
 from modalscope.signals.preprocess.line_noise import level_lines
 from modalscope.signals.preprocess.merging import joined_frf
+from modalscope.signals.preprocess.plans import quiet_between_hits
 from modalscope.signals.preprocess.resonant_band import resonant_band
 
 #: Route -> default row and domain.
@@ -88,6 +89,8 @@ def by_route(records: Records, route: str, band: tuple[float, float] | None) -> 
     if route == "markov":
         note = Note("estimated", {}, "Markov parameters were estimated from the records by an observer (OKID)")
         return Way(estimate_markov(one_record(records, "Markov parameters")), band, (note,))
+    if excitation_of(records.runs) == "impact":
+        records = Records(runs=tuple(map(quiet_between_hits, records.stacked())), source_path=records.source_path)
     low, high = (0.0, np.inf) if band is None else band
     rate, samples = records.sampling_rate, sum(records.samples)
     lines = int(samples * (min(high, rate / 2) - low) / rate) if low < rate / 2 else 0

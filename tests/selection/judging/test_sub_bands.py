@@ -26,7 +26,7 @@ def judged(seeds: range, decibel: float, *, coloured: bool = False) -> IntArray:
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [5, 9, 1015, 1089])
 def test_modes_of_a_band_are_found_beside_the_skirts_of_those_outside(seed: int) -> None:
-    # with the residual terms alone two of two and one of four were lost in the first two, one in the others where these poles count as noise
+    # with the residual terms alone two of two and one of four were lost in the first two; in the others one, where these poles are noise
     assert judged(range(seed, seed + 1), 40)[[0, 2, 3]].tolist() == [1, 0, 0]
 
 

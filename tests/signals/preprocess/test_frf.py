@@ -11,6 +11,7 @@ from modalscope.signals.doctor import examine
 from modalscope.signals.preprocess import estimate_frf, exponential_decay
 from modalscope.signals.preprocess.excitation import find_excitation
 from modalscope.signals.preprocess.impacts import between_hits, find_hits, room_of, whole_series
+from modalscope.signals.preprocess.plans import quiet_between_hits
 from modalscope.signals.preprocess.spectra import WINDOWS, Segments, cross_spectra, effective_averages, window_of
 from modalscope.systems import chain5
 from tests.support import random_system, relative
@@ -153,6 +154,35 @@ def test_noise_of_the_force_between_hits_is_no_force(hits):
     error, before = (relative(f.values[low], truth(f, slice(0, 1))[low]) for f in (frf, whole))
     assert before > 0.02
     assert error < before / 3
+
+
+def test_records_of_hits_have_the_force_that_explains_them(hits):
+    """Zero between hits where that explains more: noise is no force, and what drives the structure there stays."""
+    noise = 0.02 * np.random.default_rng(3).standard_normal(hits.inputs.shape)
+    noisy = Signals(outputs=hits.outputs, inputs=hits.inputs + noise, sampling_rate=1.0)
+    quiet = quiet_between_hits(noisy)
+    forces = noisy.inputs[None, :, 0]
+    between = between_hits(forces, find_hits(forces))[0]
+    assert np.all(quiet.inputs[between] == 0)
+    assert np.allclose(quiet.inputs[~between], noisy.inputs[~between] - np.median(noisy.inputs))
+    assert quiet.outputs is noisy.outputs
+    driven = MODEL.simulate(np.pad(noisy.inputs, ((0, 0), (0, MODEL.B.shape[1] - 1))))[:, : hits.outputs.shape[1]]
+    true = Signals(outputs=driven, inputs=noisy.inputs, sampling_rate=1.0)
+    assert quiet_between_hits(true) is true
+    two = Signals(outputs=hits.outputs, inputs=np.hstack([hits.inputs, hits.inputs]), sampling_rate=1.0)
+    assert quiet_between_hits(two) is two
+
+
+def test_a_hit_without_samples_before_the_next_one_is_an_error(hits):
+    force = np.array(hits.inputs)
+    first = find_hits(force[None, :, 0])[0]
+    force[:, 0], force[[5, 4000], 0] = 0, first.peak
+    record = Signals(outputs=hits.outputs, inputs=force, sampling_rate=1.0)
+    with pytest.raises(DataError, match=r"hit 1: before=5000 leaves 0 samples.\nLower before"):
+        estimate_frf(record, hits="all", before=5000)
+    with pytest.raises(DataError, match="before=3999 leaves 1 samples"):
+        estimate_frf(record, hits="all", before=3999)
+    assert estimate_frf(record, hits="all", before=3000).averages == 2
 
 
 def test_what_stands_out_of_the_noise_of_a_force_is_kept(hits):

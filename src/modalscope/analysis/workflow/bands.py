@@ -286,10 +286,8 @@ def _with_clear_peaks(seen: SeenRecord | None, sweep: Sweep, band: Band, choose:
         if still >= lacking:
             break
         text = f"orders extended to {more.orders[-1]}: {counted(lacking - still, 'clear peak')} had no mode at {found.orders[-1]}"
-        found, lacking = (
-            replace(more, notes=(*more.notes, Note("orders grew", {"largest": more.orders[-1]}, text))),
-            still,
-        )
+        found = replace(more, notes=(*more.notes, Note("orders grew", {"largest": more.orders[-1]}, text)))
+        lacking = still
     return found
 
 

@@ -53,10 +53,8 @@ class RowSums:
     def _at(self, chosen: Array) -> ComplexArray:
         """Return H_i X of the block row that is chosen for each mode, (l, k): of rows close to each other by one product."""
         X, by_row = self._blocks, np.argsort(chosen, kind="stable")
-        sums, near = (
-            np.empty((self.matrix.values.shape[1], len(chosen)), dtype=complex),
-            max(len(X) // _GROUPED_ROW_SHARE, 1),
-        )
+        sums = np.empty((self.matrix.values.shape[1], len(chosen)), dtype=complex)
+        near = max(len(X) // _GROUPED_ROW_SHARE, 1)
         while by_row.size:
             first = chosen[by_row[0]]
             some = by_row[chosen[by_row] < first + near]

@@ -119,10 +119,8 @@ class RunColumns:
     def rows(self, some: IntArray | None = None) -> Iterator[tuple[slice, RealArray]]:
         """Yield which of the lines, all or some, and the columns on them, real parts above imaginary ones."""
         own, drives, given, wide = self.own, self.drives, self.given, self.count
-        step, count = (
-            max(_BLOCK_NUMBERS // wide, wide // _BLOCK_SHARE),
-            own.stop - own.start if some is None else some.size,
-        )
+        step = max(_BLOCK_NUMBERS // wide, wide // _BLOCK_SHARE)
+        count = own.stop - own.start if some is None else some.size
         for start in range(0, count, step):
             s = slice(start, min(start + step, count))
             here = slice(own.start + s.start, own.start + s.stop) if some is None else some[s]

@@ -278,10 +278,8 @@ class Shifted(LineMatrix):
         share = np.where((lines == 0) | (2 * lines == length), 1.0, 2.0) / (2 * length)
         turn = (share * np.exp(2j * np.pi * lines / length))[:, None]
         back = -lines % length
-        direct, mirrored = (
-            Outer(g.left[:, back], g.right[:, back] * turn),
-            Outer(g.left[:, lines], g.right[:, lines] * turn.conj()),
-        )
+        direct = Outer(g.left[:, back], g.right[:, back] * turn)
+        mirrored = Outer(g.left[:, lines], g.right[:, lines] * turn.conj())
         return LineInfluence((direct,), (mirrored,), all_lines(self.response.count))
 
     def transformed(self, values: Array) -> ComplexArray:

@@ -261,10 +261,8 @@ class _Cluster:
         beside = np.hstack([self._taken(self.problem.terms), self._functions(self.poles[self._others()])[0]])
         self.free = np.linalg.qr(_unit(self.weights[:, :, None] * beside))[0]
         self.data = self._less_free((self.weights * rows.T)[:, :, None])[:, :, 0]
-        middle, half = (
-            np.arange(self.lines.start, self.lines.stop),
-            recount.selection.half_bandwidths_in_lines(self.poles[which]),
-        )
+        middle = np.arange(self.lines.start, self.lines.stop)
+        half = recount.selection.half_bandwidths_in_lines(self.poles[which])
         half = np.full(len(middle), max(float(np.median(half)), _MIN_HALF_BANDWIDTH_LINES))
         self.factor = float(np.median(lag_factor(recount.errors.common(middle), half)))
 
@@ -486,11 +484,9 @@ class _Cluster:
         """
         q, p = self.channels
         shape = (len(start), q if way in ("row", "both") else 1, p if way in ("column", "both") else 1)
-        s, damping, narrowest = (
-            np.array(np.broadcast_to(start, shape)),
-            _DAMPING,
-            -_MIN_WIDTH * self.poles[self.which].real,
-        )
+        s = np.array(np.broadcast_to(start, shape))
+        damping = _DAMPING
+        narrowest = -_MIN_WIDTH * self.poles[self.which].real
         at = self._at(s, slopes=True)
         for _ in range(steps):
             trial = s + _held(self._step(at, way, damping), s, together=way == "both")

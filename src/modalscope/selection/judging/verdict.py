@@ -82,10 +82,8 @@ def one_residue(response: Response, pole: complex, parts: ComplexArray, residues
     `response`: one channel of the data. `pole`: s, rad/s, as it is in the data. `parts` (k,): poles s_k. `residues` (k, l, m).
     """
     basis = response.basis(np.append(pole, parts), response.outside_powers)
-    columns, functions = (
-        np.hstack([basis.terms, basis.by_pole[:, 0]]),
-        basis.by_pole[:, 1:].reshape(len(basis.data), -1),
-    )
+    columns = np.hstack([basis.terms, basis.by_pole[:, 0]])
+    functions = basis.by_pole[:, 1:].reshape(len(basis.data), -1)
     size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
     whole = np.stack([residues.real, residues.imag], axis=1).reshape(functions.shape[1], -1)
     # of what all give together the columns see no more than what they see of each function: these are few, and channels many

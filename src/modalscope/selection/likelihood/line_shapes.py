@@ -245,10 +245,8 @@ def _near(lines: _Lines, modes: ModalModel, j: int) -> _Near | None:
     if len(lines.frequencies) < 2:
         return None
     half = max(f * float(modes.damping_ratios[j]), 2 * float(lines.frequencies[1] - lines.frequencies[0]))
-    own, beside = (
-        _within(lines, f, 0.0, _SHAPE_HALF_BANDWIDTHS * half),
-        _within(lines, f, _NOISE_HALF_BANDWIDTHS[0] * half, _NOISE_HALF_BANDWIDTHS[1] * half),
-    )
+    own = _within(lines, f, 0.0, _SHAPE_HALF_BANDWIDTHS * half)
+    beside = _within(lines, f, _NOISE_HALF_BANDWIDTHS[0] * half, _NOISE_HALF_BANDWIDTHS[1] * half)
     if len(lines.Y) * min(own.size, beside.size) < max(_MIN_LINES, 2 * outputs):
         return None
     return _Near(own, _noise(lines.Y[:, beside].reshape(-1, outputs)))

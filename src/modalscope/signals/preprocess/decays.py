@@ -96,10 +96,8 @@ def _follows(x: ComplexArray, power: ComplexArray, leak: ComplexArray) -> bool:
 
 def _exponential(z: ComplexArray, *more: RealArray) -> tuple[ComplexArray, float]:
     """Return exp of the best combination of 1, t and more for ln z, weighed by its size, and the share of z that it leaves."""
-    basis, size = (
-        np.stack([np.ones(len(z)), np.arange(len(z)) / len(z), *more], axis=1),
-        np.abs(z) + np.finfo(float).tiny,
-    )
+    basis = np.stack([np.ones(len(z)), np.arange(len(z)) / len(z), *more], axis=1)
+    size = np.abs(z) + np.finfo(float).tiny
     log = np.log(size) + 1j * np.unwrap(np.angle(z))
     found = np.exp(basis @ np.linalg.lstsq(basis * size[:, None], log * size, rcond=None)[0])
     return found, float(np.sum(np.abs(z - found) ** 2) / np.sum(size**2))

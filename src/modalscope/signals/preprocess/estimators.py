@@ -232,10 +232,8 @@ def synchronous(
     # between the lines of a multisine the forces are noise, far above rounding: a driven line exceeds it
     silent = silent_lines(spectra) | _only_noise(U, Um)
     if np.all(silent):
-        asked, change = (
-            f"an average over periods of {period} samples:",
-            'Correct the period, or give excitation="random".',
-        )
+        asked = f"an average over periods of {period} samples:"
+        change = 'Correct the period, or give excitation="random".'
         raise DataError(asked, "the forces do not repeat with this period", change)
     spectra = spectra.at_lines(~silent)
     check_inputs(spectra, labels)

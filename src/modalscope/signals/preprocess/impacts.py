@@ -218,8 +218,8 @@ def cut_hits(
 ) -> tuple[RealArray, RealArray]:
     """Return outputs (hits, n, l) and inputs (hits, n, m), each hit from `before` samples ahead of its trigger.
 
-    n is the segment, by default the least `room` of the hits. Raises DataError without hits, and for a segment that reaches into the next
-    hit or beyond the run.
+    n is the segment, by default the least `room` of the hits. Raises DataError without hits or room, and for a segment that reaches into
+    the next hit or beyond the run.
     """
     if not hits:
         change = 'Give hits="all" to use the others, or another excitation.'
@@ -228,10 +228,10 @@ def cut_hits(
     least = min(hits, key=lambda hit: room[hit.number]).number
     length = room[least] if segment is None else check_count("segment", segment, least=2)
     if length > room[least]:
-        asked, have = (
-            f"segment={length} for every hit:",
-            f"hit {least} is followed by only {room[least]} samples before the next hit, or the end of the record",
-        )
+        asked = f"segment={length} for every hit:"
+        have = f"hit {least} is followed by only {room[least]} samples before the next hit, or the end of the record"
         raise DataError(asked, have, f"Lower segment to at most {room[least]}, or leave that hit out.")
+    if length < 2:
+        raise DataError(f"hit {least}:", f"before={before} leaves {length} samples", "Lower before, or leave it out.")
     y, u = (np.stack([x[h.run, s : s + length] for h, s in zip(hits, starts, strict=True)]) for x in (outputs, inputs))
     return y, u

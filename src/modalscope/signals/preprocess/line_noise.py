@@ -120,9 +120,8 @@ def rising_noise(frequencies: RealArray, values: ComplexArray) -> RealArray | No
     if not groups:
         return None
     powers = np.array([np.median(np.abs(bend[group]) ** 2, axis=0) for group in groups])
-    told = np.all(
-        powers > np.finfo(float).eps ** 2, axis=0
-    )  # a channel of zeros, but for some lines, has no noise to tell
+    # a channel of zeros, but for some lines, has no noise to tell
+    told = np.all(powers > np.finfo(float).eps ** 2, axis=0)
     if not told.any():
         return None
     bend, powers = bend[:, told], powers[:, told]

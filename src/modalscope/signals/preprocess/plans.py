@@ -7,7 +7,8 @@ phases in integers: its error is 1e-10 for 16 000 samples, 1e-8 for two million.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy
@@ -33,6 +34,9 @@ _PROMINENCE_DB = 10.0
 
 #: Default segments of random records: this many in a run, and down to the second number (seven averages) where a resonance is narrow.
 _SEGMENTS_A_RUN, _MIN_SEGMENTS = 8, 4
+
+#: What is said of a force that is zero between hits.
+_SILENT = "force zero between hits"
 
 #: Samples of the shortest segment with enough lines to measure the width of a resonance.
 _MIN_SEGMENT = 256
@@ -131,12 +135,26 @@ def plan_hits(
     w = np.ones(y.shape[1])
     notes = [note, f"{y.shape[1]} samples from {before} ahead of the hit", "median removed"]
     if not as_told and len(u) > 1:
-        silent = np.where(between_hits(inputs[:, :, 0], all_hits)[:, :, None], 0.0, inputs)
-        alone = cut_hits(outputs, silent, used, room, segment=segment, before=before)[1]
+        alone = cut_hits(outputs, _silent(inputs), used, room, segment=segment, before=before)[1]
         if _unexplained(y, alone) < _unexplained(y, u):
             u = alone
-            notes.append("force zero between hits")
+            notes.append(_SILENT)
     return Plan(outputs=y, inputs=u, segments=Segments([0], w, w), sampling_rate=signals.sampling_rate, notes=notes)
+
+
+def quiet_between_hits(signals: Signals) -> Signals:
+    """Return hits with a force of zero between them where that explains more of the outputs; others as they are."""
+    with suppress(DataError):  # several inputs, or no usable hit
+        if _SILENT in plan_hits(signals, None, "good", 0, None, as_told=False).notes:
+            quiet = _silent(without_offset(signals, "impact")[1])
+            return replace(signals, inputs=quiet.reshape((*signals.outputs.shape[:-1], 1)))
+    return signals
+
+
+def _silent(inputs: RealArray) -> RealArray:
+    """Return the force (R, N, 1) of a hammer, zero where it is nothing but noise."""
+    force = inputs[:, :, 0]
+    return np.where(between_hits(force, find_hits(force))[:, :, None], 0.0, inputs)
 
 
 def _unexplained(y: RealArray, u: RealArray) -> float:
