@@ -75,10 +75,14 @@ def test_large_attributes_and_empty_references_are_refused(tmp_path):
         walk(str(tmp_path / "b.h5"), LEFT)
 
 
-def test_a_dataset_of_nothing_passes(tmp_path):
+def test_a_dataset_of_nothing_takes_no_memory(tmp_path):
     with h5py.File(tmp_path / "a.h5", "w") as file:
         file["nothing"] = h5py.Empty("f8")
-    walk(str(tmp_path / "a.h5"), LEFT)
+    walk(str(tmp_path / "a.h5"), 0)
+    with h5py.File(tmp_path / "a.h5", "a") as file:
+        file["something"] = 1.0
+    with pytest.raises(Refused):
+        walk(str(tmp_path / "a.h5"), 0)
 
 
 def test_the_walk_imports_nothing_of_the_package():

@@ -234,4 +234,4 @@ def test_a_hum_is_no_resonance_that_decays_slowly():
 
 @pytest.mark.parametrize("samples", range(2, 12))
 def test_a_record_of_a_few_samples_is_examined_without_a_fault(samples: int) -> None:
-    examine(Signals(outputs=np.sin(np.arange(samples))[:, None], sampling_rate=200.0))
+    assert [f.kind for f in examine(Signals(outputs=np.sin(np.arange(samples))[:, None], sampling_rate=200.0))] == []
