@@ -90,7 +90,7 @@ def by_route(records: Records, route: str, band: tuple[float, float] | None) -> 
         note = Note("estimated", {}, "Markov parameters were estimated from the records by an observer (OKID)")
         return Way(estimate_markov(one_record(records, "Markov parameters")), band, (note,))
     if excitation_of(records.runs) == "impact":
-        records = Records(runs=tuple(map(quiet_between_hits, records.stacked())), source_path=records.source_path)
+        records = quiet_between_hits(records)
     low, high = (0.0, np.inf) if band is None else band
     rate, samples = records.sampling_rate, sum(records.samples)
     lines = int(samples * (min(high, rate / 2) - low) / rate) if low < rate / 2 else 0

@@ -39,14 +39,15 @@ FORMATS = {
 }
 
 #: Suffix -> the package that writes it, and the extra that brings it.
-_NEEDED = {".docx": "docx office", ".pptx": "pptx office", ".h5": "h5py hdf5", ".xlsx": "openpyxl excel"}
+_NEEDED = {".docx": ("docx", "office"), ".pptx": ("pptx", "office")}
+_NEEDED |= {".h5": ("h5py", "hdf5"), ".xlsx": ("openpyxl", "excel")}
 
 
 def missing_formats() -> dict[str, str]:
     """Return the formats that cannot be written here, with the reason."""
     return {
         suffix: f"needs the package {package}: pip install 'modalscope[{extra}]'"
-        for suffix, (package, extra) in ((suffix, both.split()) for suffix, both in _NEEDED.items())
+        for suffix, (package, extra) in _NEEDED.items()
         if find_spec(package) is None
     }
 

@@ -10,6 +10,7 @@ from scipy.ndimage import binary_dilation
 from scipy.special import pdtrc
 
 from modalscope.data.kind_of_test import NOISE_DEVIATIONS, PULSE_DEVIATIONS
+from modalscope.data.shown import counted
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import Array, RealArray, check_count
 from modalscope.numerics.errors import DataError
@@ -232,6 +233,7 @@ def cut_hits(
         have = f"hit {least} is followed by only {room[least]} samples before the next hit, or the end of the record"
         raise DataError(asked, have, f"Lower segment to at most {room[least]}, or leave that hit out.")
     if length < 2:
-        raise DataError(f"hit {least}:", f"before={before} leaves {length} samples", "Lower before, or leave it out.")
+        have = f"before={before} leaves {counted(length, 'sample')}"
+        raise DataError(f"hit {least}:", have, "Lower before, or leave it out.")
     y, u = (np.stack([x[h.run, s : s + length] for h, s in zip(hits, starts, strict=True)]) for x in (outputs, inputs))
     return y, u

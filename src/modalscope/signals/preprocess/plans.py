@@ -6,15 +6,16 @@ phases in integers: its error is 1e-10 for 16 000 samples, 1e-8 for two million.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 import scipy
 from scipy import fft
 
-from modalscope.data.records import Signals
+from modalscope.data.records import Records, Signals
 from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_count, check_positive
 from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.resources import check_fits
@@ -35,16 +36,16 @@ _PROMINENCE_DB = 10.0
 #: Default segments of random records: this many in a run, and down to the second number (seven averages) where a resonance is narrow.
 _SEGMENTS_A_RUN, _MIN_SEGMENTS = 8, 4
 
-#: What is said of a force that is zero between hits.
-_SILENT = "force zero between hits"
-
 #: Samples of the shortest segment with enough lines to measure the width of a resonance.
 _MIN_SEGMENT = 256
 
 
 @dataclass(kw_only=True, slots=True)
 class Plan:
-    """How the records are averaged: outputs and inputs as they are cut, segments and windows, transform."""
+    """How the records are averaged: outputs and inputs as they are cut, segments and windows, transform.
+
+    `quiet`: inputs of whole records (R, N, 1) that are zero between hits, where those were cut.
+    """
 
     outputs: RealArray
     inputs: RealArray
@@ -53,6 +54,7 @@ class Plan:
     added_damping: float = 0.0
     notes: list[str] = field(default_factory=list)
     transform: Transform | None = None
+    quiet: RealArray | None = None
 
 
 def narrowest_peak(frequencies: RealArray, power: RealArray) -> float | None:
@@ -134,27 +136,27 @@ def plan_hits(
     y, u = cut_hits(outputs, inputs, used, room, segment=segment, before=before)
     w = np.ones(y.shape[1])
     notes = [note, f"{y.shape[1]} samples from {before} ahead of the hit", "median removed"]
+    plan = Plan(outputs=y, inputs=u, segments=Segments([0], w, w), sampling_rate=signals.sampling_rate, notes=notes)
     if not as_told and len(u) > 1:
-        alone = cut_hits(outputs, _silent(inputs), used, room, segment=segment, before=before)[1]
+        silent = np.where(between_hits(inputs[:, :, 0], all_hits)[:, :, None], 0.0, inputs)
+        alone = cut_hits(outputs, silent, used, room, segment=segment, before=before)[1]
         if _unexplained(y, alone) < _unexplained(y, u):
-            u = alone
-            notes.append(_SILENT)
-    return Plan(outputs=y, inputs=u, segments=Segments([0], w, w), sampling_rate=signals.sampling_rate, notes=notes)
+            plan.inputs, plan.quiet = alone, silent
+            notes.append("force zero between hits")
+    return plan
 
 
-def quiet_between_hits(signals: Signals) -> Signals:
+def quiet_between_hits(records: Records) -> Records:
     """Return hits with a force of zero between them where that explains more of the outputs; others as they are."""
-    with suppress(DataError):  # several inputs, or no usable hit
-        if _SILENT in plan_hits(signals, None, "good", 0, None, as_told=False).notes:
-            quiet = _silent(without_offset(signals, "impact")[1])
-            return replace(signals, inputs=quiet.reshape((*signals.outputs.shape[:-1], 1)))
-    return signals
-
-
-def _silent(inputs: RealArray) -> RealArray:
-    """Return the force (R, N, 1) of a hammer, zero where it is nothing but noise."""
-    force = inputs[:, :, 0]
-    return np.where(between_hits(force, find_hits(force))[:, :, None], 0.0, inputs)
+    forces: dict[tuple[Any, int], Iterator[RealArray]] = {}
+    for part in records.stacked():
+        with suppress(DataError):  # several inputs, or no usable hit
+            plan = plan_hits(part, None, "good", 0, None, as_told=False)
+            if plan.quiet is not None:
+                forces[part.input_dofs, part.samples] = iter(plan.quiet)
+    places = ((run, forces.get((run.input_dofs, run.samples))) for run in records.runs)
+    runs = tuple(run if quiet is None else replace(run, inputs=next(quiet)) for run, quiet in places)
+    return replace(records, runs=runs) if forces else records
 
 
 def _unexplained(y: RealArray, u: RealArray) -> float:
