@@ -29,8 +29,8 @@ class Settings:
     """Options by name; those at their default None are left out, so that `identify(data, **settings)` repeats what was done.
 
     `band`: lowest and highest frequency in Hz that is used. `exclude`: channels left out. `route`: from records with inputs: "records",
-    "frf", "markov" or "subspace". `delays`: from records with inputs: samples by which outputs come late after the forces, which was
-    taken out; {} for none. `reciprocal`: True where inputs and outputs were exchanged by reciprocity, False where that was refused.
+    "frf", "markov", "subspace" or "decays". `delays`: of those: samples by which outputs come late after the forces, which was taken
+    out; {} for none. `reciprocal`: True where inputs and outputs were exchanged by reciprocity, False where that was refused.
     `factorization`: the route to the singular vectors.
     """
 

@@ -116,7 +116,7 @@ def identify(
         Lowest and highest frequency in Hz that is used.
     exclude : labels, optional
         Channels to leave out.
-    route : {"auto", "records", "frf", "markov", "subspace", "correlation"}, optional
+    route : {"auto", "records", "frf", "markov", "subspace", "decays", "correlation"}, optional
         The way from records with inputs: on their own lines, by estimated frequency responses, by an observer (OKID), or projected on
         their past. By default what serves the method, and of several ways the one that suits the records. "correlation" is the way of
         records without inputs, which `analyze` then does not take as free decays either.

@@ -21,7 +21,7 @@ from modalscope.numerics.errors import check_choice
 
 #: Routes from records into the table: "auto" follows the rule of `modalscope.identification.routes`, "correlation" is that of records
 #: without inputs, also where they look like free decays.
-ROUTES = ("auto", "records", "frf", "markov", "subspace", "correlation")
+ROUTES = ("auto", "records", "frf", "markov", "subspace", "decays", "correlation")
 
 
 class AllOptions(TypedDict, total=False):

@@ -69,8 +69,8 @@ def route_of(row: Method) -> str:
 
 
 def served_by(row: Method, route: str) -> bool:
-    """Whether a route from records with inputs gives the data of a row; frequency responses also give samples."""
-    return route == route_of(row) or (route == "frf" and row.takes is Takes.SAMPLES)
+    """Whether a route from records with inputs gives the data of a row; frequency responses and decays also give samples."""
+    return route == route_of(row) or (route in ("frf", "decays") and row.takes is Takes.SAMPLES)
 
 
 def is_driven(row: Method) -> bool:

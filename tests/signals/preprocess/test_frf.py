@@ -6,13 +6,11 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from modalscope.data import DataError, Records, Signals
-from modalscope.data.records import as_records
+from modalscope.data import DataError, Signals
 from modalscope.signals.doctor import examine
 from modalscope.signals.preprocess import estimate_frf, exponential_decay
 from modalscope.signals.preprocess.excitation import find_excitation
 from modalscope.signals.preprocess.impacts import between_hits, find_hits, room_of, whole_series
-from modalscope.signals.preprocess.plans import quiet_between_hits
 from modalscope.signals.preprocess.spectra import WINDOWS, Segments, cross_spectra, effective_averages, window_of
 from modalscope.systems import chain5
 from tests.support import random_system, relative
@@ -155,47 +153,6 @@ def test_noise_of_the_force_between_hits_is_no_force(hits):
     error, before = (relative(f.values[low], truth(f, slice(0, 1))[low]) for f in (frf, whole))
     assert before > 0.02
     assert error < before / 3
-
-
-def test_records_of_hits_have_the_force_that_explains_them(hits):
-    """Zero between hits where that explains more: noise is no force, and what drives the structure there stays."""
-    noise = 0.02 * np.random.default_rng(3).standard_normal(hits.inputs.shape)
-    noisy = Signals(outputs=hits.outputs, inputs=hits.inputs + noise, sampling_rate=1.0)
-    quiet = quiet_between_hits(as_records(noisy)).runs[0]
-    forces = noisy.inputs[None, :, 0]
-    between = between_hits(forces, find_hits(forces))[0]
-    assert np.all(quiet.inputs[between] == 0)
-    assert np.allclose(quiet.inputs[~between], noisy.inputs[~between] - np.median(noisy.inputs))
-    assert np.array_equal(quiet.outputs, noisy.outputs)
-    driven = MODEL.simulate(np.pad(noisy.inputs, ((0, 0), (0, MODEL.B.shape[1] - 1))))[:, : hits.outputs.shape[1]]
-    true = as_records(Signals(outputs=driven, inputs=noisy.inputs, sampling_rate=1.0))
-    assert quiet_between_hits(true) is true
-    two = as_records(Signals(outputs=hits.outputs, inputs=np.hstack([hits.inputs, hits.inputs]), sampling_rate=1.0))
-    assert quiet_between_hits(two) is two
-
-
-def test_runs_of_hits_keep_their_order_and_their_groups(hits):
-    """Hits of one length are judged together; one hit of its own length stays."""
-    noise = 0.02 * np.random.default_rng(3).standard_normal(hits.inputs.shape)
-    starts = [hit.start for hit in find_hits(hits.inputs[None, :, 0])]
-    lengths = [1500, 1400, 1500, 1500]
-    runs = [
-        Signals(
-            outputs=hits.outputs[a - 50 : a - 50 + n],
-            inputs=(hits.inputs + noise)[a - 50 : a - 50 + n],
-            sampling_rate=1.0,
-        )
-        for a, n in zip(starts, lengths, strict=False)
-    ]
-    records = Records(runs=runs, groups=["a", "b", "b", "c"])
-    quiet = quiet_between_hits(records)
-    assert quiet.groups == ("a", "b", "b", "c")
-    assert quiet.samples == tuple(lengths)
-    assert quiet.runs[1] is records.runs[1]
-    for old, new in zip(records.runs, quiet.runs, strict=True):
-        kept = new.inputs != 0
-        assert np.allclose(new.inputs[kept], (old.inputs - (0 if old is new else np.median(old.inputs)))[kept])
-        assert old is new or kept.mean() < 0.05
 
 
 def test_a_hit_without_samples_before_the_next_one_is_an_error(hits):

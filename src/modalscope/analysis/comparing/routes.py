@@ -64,7 +64,7 @@ def responses_by_route(
         return (first,), ()
     responses, failed = [first], []
     for other in USUAL:
-        if other != first.route:
+        if other not in (first.route, "markov" if first.route == "decays" else "decays"):
             try:
                 responses.append(measure(data, band, route=other, delays=first.delays or {}, reciprocal=reciprocal))
             except DataError as error:
@@ -126,7 +126,8 @@ def plan(
         return not why
 
     def suits(method: Method) -> bool:
-        return not is_driven(method) if route is None else route_of(method) == route
+        # decays are samples, which the rows of route markov take
+        return not is_driven(method) if route is None else route_of(method) == route.replace("decays", "markov")
 
     chosen: list[Method] = []
     if isinstance(wanted, str) and wanted == "all":

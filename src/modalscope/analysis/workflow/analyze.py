@@ -167,8 +167,8 @@ def concluded(
     """
     diagrams = [look.diagram for look in looks]
     modes, fit = _explained(data, modes_chosen(data, document, looks, choose), diagrams)
-    # leakage harms frequency responses alone: records on lines eliminate what a run begins and ends with
-    harmless = ("leakage",) if all(diagram.settings.route == "records" for diagram in diagrams) else ()
+    # leakage harms frequency responses alone: records on lines eliminate what a run begins and ends with, decays end anywhere
+    harmless = ("leakage",) if all(diagram.settings.route in ("records", "decays") for diagram in diagrams) else ()
     excluded = _excluded(data, document)
     with stage("examining"):
         every = check(data)

@@ -50,7 +50,7 @@ def few_points(points: ComplexArray, degree: int, *, circle: bool) -> Few:
     >>> few.place.size, bool(np.allclose(few.spread @ product[few.place], product))
     (7, True)
     """
-    place = _place(points, circle)
+    place = np.angle(points) if circle else np.imag(points)
     distinct, first = np.unique(place, return_index=True)
     if distinct.size <= 2 * (2 * degree + 1):
         return Few(first, (place[:, None] == distinct).astype(float))
@@ -63,10 +63,6 @@ def few_points(points: ComplexArray, degree: int, *, circle: bool) -> Few:
     level = float(basis[0, 0].real)
     solved = sla.inv(_values(recurrence, level, points[index], circle), check_finite=False)
     return Few(index, (solved @ _values(recurrence, level, points, circle)).real.T)
-
-
-def _place(points: ComplexArray, circle: bool) -> RealArray:
-    return np.asarray(np.angle(points) if circle else np.imag(points))
 
 
 def _values(recurrence: ComplexArray, first: float, points: ComplexArray, circle: bool) -> ComplexArray:

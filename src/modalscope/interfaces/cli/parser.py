@@ -305,8 +305,8 @@ def add_choices(parser: Parser, *, bands: bool = False) -> None:
     add_band(parser, several=bands)
     add = parser.group("band and channels")
     route = (
-        "records with inputs: auto, records (on their own lines), frf, markov or subspace; without inputs: correlation, also where "
-        "they look like free decays; default: auto"
+        "records with inputs: auto, records (on their own lines), frf, markov, subspace or decays (after hits); "
+        "without inputs: correlation, also where they look like free decays; default: auto"
     )
     add("--route ROUTE", route)
     add("--delays DOF=SAMPLES...", "outputs delayed after the forces, such as y3=12, or none; default: detected")

@@ -120,7 +120,8 @@ def lines_picture(
 
     The rebuilt phase is drawn on the branch of the measured one. `aside`: what is unexplained.
     """
-    sides = [_levels(h) for h in (measured, fit) if h is not None]
+    # a logarithmic axis has no zero
+    sides = [np.where(np.abs(h) > 0, np.abs(h), np.nan) for h in (measured, fit) if h is not None]
     ends = (float(f[0]), float(f[-1])) if f[-1] > f[0] else (float(f[0]) - 1, float(f[0]) + 1)
     # the axis starts where the phase jumps least often: a real response alternates between 180 and -180
     start = min(_PHASE_STARTS, key=lambda start: np.count_nonzero(np.abs(np.diff(_phase(measured, start))) > 180))
@@ -157,11 +158,6 @@ def _unexplained(measured: Array, fit: Array | None) -> str:
     if fit is None or not norm > 0:
         return ""
     return f"unexplained {percent(float(np.linalg.norm(measured - fit)) / norm)}"
-
-
-def _levels(h: Array) -> Array:
-    """Return magnitudes, NaN where there is nothing: a logarithmic axis has no zero."""
-    return np.where(np.abs(h) > 0, np.abs(h), np.nan)
 
 
 def _phase(h: Array, start: float) -> Array:

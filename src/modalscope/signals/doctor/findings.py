@@ -26,10 +26,10 @@ _ALIGNED = "Identification shifts these outputs back (its --delays {given}; to k
 
 #: Reason and remedy of every kind of finding; rows of one kind differ in what follows the colon.
 ROWS = {
-    "overload": ("hit {number}: {reason}", "estimate_frf excludes it{effect}"),
+    "overload": ("hit {number}: {reason}", "estimate_frf excludes it."),
     "double hit": (
         "hit {number}: {reason}",
-        "It is used, as its force is recorded; hits={others} leaves it out{effect}"),
+        "It is used, as its force is recorded; hits={others} leaves it out."),
     "clipped": (
         "{count} samples at its largest or smallest value{where}",
         "Measure again with a wider range, or leave these runs or this channel out."),
@@ -64,7 +64,7 @@ ROWS = {
     "leakage": (
         "{percent:.0f} % of its largest vibration remains at the end of the {what}",
         "{longer}, or give exponential=0.01, which is corrected for in the damping. "
-        "With a quiet force identify by the route of records: lines of whole records have no leakage."),
+        "Free decays after hits (route decays) and lines of whole records (route records) have no leakage."),
     "low coherence": (
         "coherence {explained:.2f} at its resonances",
         "Look for overloaded hits, noise, short segments, or forces that were not measured (then leave out those that were)."),

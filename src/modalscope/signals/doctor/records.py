@@ -11,14 +11,11 @@ from modalscope.data.notes import Finding
 from modalscope.data.records import Signals
 from modalscope.data.shown import percent
 from modalscope.numerics.checks import Array, RealArray
-from modalscope.numerics.errors import DataError
 from modalscope.signals.doctor.findings import channels_of, finding
-from modalscope.signals.preprocess.bands import useful_lines
+from modalscope.signals.preprocess.after_hits import remaining
 from modalscope.signals.preprocess.excitation import EVENT, powers_of_stretches
-from modalscope.signals.preprocess.frf import estimate_frf
 from modalscope.signals.preprocess.harmonics import MIN_DAMPING, find_lines
 from modalscope.signals.preprocess.impacts import Hit, clipped_samples, find_hits
-from modalscope.signals.preprocess.plans import plan_hits, without_offset
 from modalscope.signals.preprocess.spectra import Segments, cross_spectra, fast_length
 
 #: Maximum part of the power of a noisy channel that the inputs predict; and its minimum distance from the median of the channels.
@@ -75,7 +72,7 @@ def transposed(signals: Signals) -> list[Finding]:
 
 
 def bad_hits(signals: Signals) -> list[Finding]:
-    """Find overloaded and double hits, with the coherence without them."""
+    """Find overloaded and double hits."""
     _, inputs = signals.by_run()
     assert inputs is not None
     if inputs.shape[2] != 1:
@@ -84,8 +81,7 @@ def bad_hits(signals: Signals) -> list[Finding]:
     findings = []
     for hit in (hit for hit in hits if hit.reason):
         others = [h.number for h in hits if h.number != hit.number and not h.unfit]
-        effect = _without(signals, hit.number, others)
-        measured: dict[str, Any] = {"number": hit.number, "others": others, "effect": effect}
+        measured: dict[str, Any] = {"number": hit.number, "others": others}
         measured["reason"] = hit.reason.removeprefix("overloaded: ").removeprefix("double hit: ")  # as the kind says
         findings.append(finding("overload" if hit.unfit else "double hit", *signals.input_dofs, **measured))
     return findings
@@ -118,48 +114,16 @@ def _cut_hits(signals: Signals, hits: list[Hit]) -> list[Hit]:
     return [hit._replace(reason=reason, unfit=True) if hit is hits[k] else hit for hit in hits]
 
 
-def _without(signals: Signals, number: int, others: list[int]) -> str:
-    """Return the coherence with and without a hit, in words."""
-    if len(others) < 2:
-        return "."
-    medians = []
-    for chosen in ([*others, number], others):
-        try:
-            response = estimate_frf(signals, excitation="impact", hits=chosen)
-        except DataError:  # an overload too near to the next hit to be cut: nothing to compare
-            return "."
-        assert response.coherence is not None
-        medians.append(float(np.median(response.coherence[useful_lines(signals, response.frequencies)])))
-    return f": coherence {medians[0]:.3f} with it, {medians[1]:.3f} without."
-
-
 def leakage(signals: Signals, kind: str) -> list[Finding]:
     """Find outputs that still vibrate at the end of what is transformed as a whole: runs, or hits as they are cut."""
-    x = _transformed(signals, kind)
-    samples = x.shape[1]
-    length = max(2, samples // 20)
-    blocks = x[:, : samples // length * length].reshape(x.shape[0], -1, length, x.shape[2])
-    rms = np.sqrt(np.mean(blocks**2, axis=2)).max(axis=0)  # (blocks, l), the worst run
-    remaining = rms[-1] / np.maximum(rms.max(axis=0), np.finfo(float).tiny)
-    # a decay that has ended in noise stays at one level; one that goes on falls from block to block
-    falling = rms[-1] < 0.9 * rms[len(rms) // 2]
+    parts, samples = remaining(signals, kind)
     cut = kind == "impact" and samples < signals.samples
     what, longer = ("hit", "Wait longer for the next hit") if cut else ("run", "Measure longer runs")
     return [
         finding("leakage", dof, percent=100 * part, what=what, longer=longer)
-        for dof, part, going in zip(signals.output_dofs, remaining, falling, strict=True)
-        if part > _MAX_REMAINING and going
+        for dof, part in zip(signals.output_dofs, parts, strict=True)
+        if part > _MAX_REMAINING
     ]
-
-
-def _transformed(signals: Signals, kind: str) -> RealArray:
-    """Return outputs (R, n, l): the runs without their medians, or the hits that are cut from them."""
-    if kind == "impact" and len(signals.input_dofs) == 1:
-        try:
-            return plan_hits(signals, None, "good", 0, None).outputs
-        except DataError:  # no usable hit: an error where responses are asked for
-            pass
-    return without_offset(signals, "impact")[0]
 
 
 def noisy_channels(signals: Signals, part: RealArray | None, noise: RealArray) -> list[Finding]:

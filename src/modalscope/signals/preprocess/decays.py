@@ -7,6 +7,7 @@ its own; and a stiffness that goes with the size makes ln z = c + s t + e int A^
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -123,6 +124,14 @@ def _after_clipping(run: RealArray) -> int:
     return 1 + max((int(np.flatnonzero(at)[-1]) for at in limits), default=-1)
 
 
+def of_decays(signals: Signals, decays: Sequence[RealArray], what: str, rate: float) -> ImpulseResponse:
+    """Return free decays (n, l) of the outputs of a record, at a rate (Hz), a column each, all cut to the shortest."""
+    shortest = min(map(len, decays))
+    names = {"input_dofs": tuple(f"{what} {k + 1}" for k in range(len(decays))), "units": (signals.units[0], None)}
+    fields: dict[str, Any] = {**signals.labelled(), **names, "quantity": signals.quantity, "kind": "free decay"}
+    return ImpulseResponse(values=np.stack([y[:shortest] for y in decays], axis=2), sampling_rate=rate, **fields)
+
+
 def as_free_decay(
     signals: Signals, judged: Signals | None = None
 ) -> tuple[Signals | ImpulseResponse, tuple[Note, ...]]:
@@ -145,29 +154,18 @@ def as_free_decay(
         return signals, ()
     outputs = outputs[:, cut:]
     step, start = decays[0].step, (cut + decays[0].first) / signals.sampling_rate
-    samples = [decay.samples for decay in decays]
+    samples: list[RealArray] = [decay.samples for decay in decays]
     if judged is not None:
         samples = [
             one_in(without_offset(y), step)[decay.first // step :] for y, decay in zip(outputs, decays, strict=True)
         ]
-    shortest = min(map(len, samples))
     unexplained = max(decay.unexplained for decay in decays)
     where = f"from {start:.4g} s on" if len(decays) == 1 else f"of {len(decays)} runs, each from its release on"
     text = (
         f"Taken as a free decay {where}{' (clipped before)' if cut else ''}, no force: damped tones explain "
         f"{percent(1 - unexplained)} of it. If it is ambient vibration, say so: --route correlation"
     )
-    fields: dict[str, Any] = signals.labelled() | {
-        "input_dofs": tuple(f"run {k + 1}" for k in range(len(decays))),
-        "units": (signals.units[0], None),
-    }
-    response = ImpulseResponse(
-        values=np.stack([each[:shortest] for each in samples], axis=2),
-        sampling_rate=signals.sampling_rate / step,
-        kind="free decay",
-        quantity=signals.quantity,
-        **fields,
-    )
+    response = of_decays(signals, samples, "run", signals.sampling_rate / step)
     what = "cut to its free decay" + ("" if step == 1 else f", low-pass filtered, one sample in {step} kept")
     notes = (
         Note("free decay", {"start": start, "step": step}, text),

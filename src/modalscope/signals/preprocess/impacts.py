@@ -12,7 +12,7 @@ from scipy.special import pdtrc
 from modalscope.data.kind_of_test import NOISE_DEVIATIONS, PULSE_DEVIATIONS
 from modalscope.data.shown import counted
 from modalscope.numerics.arguments import named
-from modalscope.numerics.checks import Array, RealArray, check_count
+from modalscope.numerics.checks import Array, BoolArray, RealArray, check_count
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.statistics import NORMAL
 
@@ -172,16 +172,19 @@ def find_hits(forces: RealArray) -> list[Hit]:
     return hits
 
 
-def between_hits(forces: RealArray, hits: list[Hit]) -> Array:
+def between_hits(forces: RealArray, hits: list[Hit], least: float = 0.0) -> BoolArray:
     """Return where forces (R, N) of one hammer are nothing but noise, (R, N): farther from all that stands out of it than a pulse is long.
+
+    What is smaller than `least` of the largest force counts as noise, too.
 
     Noise of the sensor there would count as force on all lines, as in H1 = S_yu / S_uu: noise of a hundredth of the peak, all along 4096
     samples, has a twentieth of the energy of a pulse of ten.
     """
     size = np.abs(forces - np.median(forces, axis=1, keepdims=True))
-    loud = size > NOISE_DEVIATIONS * NORMAL * np.median(size, axis=1, keepdims=True)
+    noise = NOISE_DEVIATIONS * NORMAL * np.median(size, axis=1, keepdims=True)
+    loud = size > np.maximum(noise, least * size.max(initial=0.0))
     reach = max((hit.stop - hit.start for hit in hits), default=0)
-    return ~binary_dilation(loud, np.ones((1, 2 * reach + 1), dtype=bool))
+    return np.asarray(~binary_dilation(loud, np.ones((1, 2 * reach + 1), dtype=bool)))
 
 
 def room_of(hits: list[Hit], samples: int, before: int) -> dict[int, int]:

@@ -6,16 +6,14 @@ phases in integers: its error is 1e-10 for 16 000 samples, 1e-8 for two million.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from contextlib import suppress
-from dataclasses import dataclass, field, replace
-from typing import Any
+from collections.abc import Iterable
+from dataclasses import dataclass, field
 
 import numpy as np
 import scipy
 from scipy import fft
 
-from modalscope.data.records import Records, Signals
+from modalscope.data.records import Signals
 from modalscope.numerics.checks import Array, ComplexArray, RealArray, check_count, check_positive
 from modalscope.numerics.errors import DataError, check_choice
 from modalscope.numerics.resources import check_fits
@@ -42,10 +40,7 @@ _MIN_SEGMENT = 256
 
 @dataclass(kw_only=True, slots=True)
 class Plan:
-    """How the records are averaged: outputs and inputs as they are cut, segments and windows, transform.
-
-    `quiet`: inputs of whole records (R, N, 1) that are zero between hits, where those were cut.
-    """
+    """How the records are averaged: outputs and inputs as they are cut, segments and windows, transform."""
 
     outputs: RealArray
     inputs: RealArray
@@ -54,7 +49,6 @@ class Plan:
     added_damping: float = 0.0
     notes: list[str] = field(default_factory=list)
     transform: Transform | None = None
-    quiet: RealArray | None = None
 
 
 def narrowest_peak(frequencies: RealArray, power: RealArray) -> float | None:
@@ -141,31 +135,17 @@ def plan_hits(
         silent = np.where(between_hits(inputs[:, :, 0], all_hits)[:, :, None], 0.0, inputs)
         alone = cut_hits(outputs, silent, used, room, segment=segment, before=before)[1]
         if _unexplained(y, alone) < _unexplained(y, u):
-            plan.inputs, plan.quiet = alone, silent
+            plan.inputs = alone
             notes.append("force zero between hits")
     return plan
-
-
-def quiet_between_hits(records: Records) -> Records:
-    """Return hits with a force of zero between them where that explains more of the outputs; others as they are."""
-    forces: dict[tuple[Any, int], Iterator[RealArray]] = {}
-    for part in records.stacked():
-        with suppress(DataError):  # several inputs, or no usable hit
-            plan = plan_hits(part, None, "good", 0, None, as_told=False)
-            if plan.quiet is not None:
-                forces[part.input_dofs, part.samples] = iter(plan.quiet)
-    places = ((run, forces.get((run.input_dofs, run.samples))) for run in records.runs)
-    runs = tuple(run if quiet is None else replace(run, inputs=next(quiet)) for run, quiet in places)
-    return replace(records, runs=runs) if forces else records
 
 
 def _unexplained(y: RealArray, u: RealArray) -> float:
     """Return the part of outputs (hits, n, l) that one response to the force (hits, n, 1) of all hits leaves, the mean over outputs."""
     Y, U = (np.fft.rfft(x, axis=1) for x in (y, u))
-    force = np.maximum(np.sum(np.abs(U) ** 2, axis=0), np.finfo(float).tiny)
-    power = np.sum(np.abs(Y) ** 2, axis=0)
-    told = np.sum(np.abs(np.sum(Y * U.conj(), axis=0)) ** 2 / force, axis=0)
-    return float(np.mean(1 - told / np.maximum(power.sum(axis=0), np.finfo(float).tiny)))
+    H = np.sum(Y * U.conj(), axis=0) / np.maximum(np.sum(np.abs(U) ** 2, axis=0), np.finfo(float).tiny)
+    left, power = (np.sum(np.abs(x) ** 2, axis=(0, 1)) for x in (Y - H * U, Y))
+    return float(np.mean(left / np.maximum(power, np.finfo(float).tiny)))
 
 
 def _chosen(all_hits: list[Hit], asked: str | Iterable[int]) -> tuple[list[Hit], str]:
