@@ -27,7 +27,7 @@ from modalscope.identification.suits import route_of
 from modalscope.numerics.errors import DataError
 from modalscope.signals.doctor.delays import common_delays
 from modalscope.signals.preprocess import estimate_markov
-from modalscope.signals.preprocess.after_hits import decays_after_hits, remaining
+from modalscope.signals.preprocess.after_hits import cut_off, decays_after_hits
 from modalscope.signals.preprocess.ambient_records import aligned, one_record
 from modalscope.signals.preprocess.bands import driven_band, struck_band
 from modalscope.signals.preprocess.excitation import excitation_of, find_period
@@ -47,10 +47,6 @@ USUAL = {
 #: Maximum ratio of the longest to the shortest run of hits, which are all cut to the shortest.
 _MAX_LENGTH_RATIO = 2.0
 
-#: Hits of whose largest vibration more than this remains at the end are not averaged: of 75 random structures averages found 74 % of the
-#: modes then, decays 98 % (docs/validation/inputs). Below, averages find nearly as many, and have a scale.
-_MAX_REMAINING = 0.15
-
 #: Minimum number of periods after the first for a synchronous average, and maximum relative difference of the outputs of two periods.
 _MIN_PERIODS, _MAX_PERIOD_DIFFERENCE = 2, 1 - 0.99
 
@@ -68,8 +64,8 @@ def usual_route(records: Records) -> str:
     single = all(len(run.input_dofs) == 1 for run in records.runs)
     alike = max(records.samples) <= _MAX_LENGTH_RATIO * min(records.samples)
     if single and alike and excitation_of(records.runs) == "impact":
-        left = max(remaining(part, "impact")[0].max() for part in records.stacked())
-        return "decays" if len(records.input_dofs) == 1 and left > _MAX_REMAINING else "frf"
+        one_place = len(records.input_dofs) == 1
+        return "decays" if one_place and all(cut_off(part) for part in records.stacked()) else "frf"
     return "records" if _periodic(records) is None else "frf"
 
 

@@ -5,8 +5,9 @@ import pytest
 
 import modalscope as ms
 from modalscope.data.records import Records, Signals, as_records
-from modalscope.identification.routes import _MAX_REMAINING, chosen_route, usual_route
+from modalscope.identification.routes import chosen_route, usual_route
 from modalscope.numerics.errors import DataError
+from modalscope.signals.preprocess import after_hits
 from modalscope.signals.preprocess.after_hits import decays_after_hits, remaining
 from modalscope.signals.preprocess.impacts import between_hits, find_hits
 
@@ -45,7 +46,7 @@ def test_what_follows_cut_off_hits_is_the_poles_alone(of_force: float) -> None:
     assert response.kind == "free decay"
     assert response.input_dofs == ("hit 1", "hit 2", "hit 3")
     assert 90 < response.samples <= 117
-    assert f"3 free decays of {response.samples} samples after the hits, without scale" in str(notes[-1])
+    assert f"3 free decays of {response.samples} samples after hits, without scale" in str(notes[-1])
     E = basis(response.samples)
     for k in range(3):
         y = response.values[:, :, k]
@@ -97,16 +98,21 @@ def test_hits_that_are_cut_off_are_identified_by_their_decays_with_nothing_set()
     assert again.frequencies == pytest.approx(truth, rel=1e-3)
 
 
-def test_averages_are_usual_until_much_is_cut_off() -> None:
-    """What is left at the end falls with the length of the run; the route changes where it passes the bound."""
-    routes, left = [], []
-    for samples in (200, 300, 350, 400, 600):
-        test = as_records(struck([20], samples, runs=3))
-        left.append(float(remaining(test.stacked()[0], "impact")[0].max()))
-        routes.append(usual_route(test))
-    assert routes == ["decays" if part > _MAX_REMAINING else "frf" for part in left]
-    assert set(routes) == {"decays", "frf"}
-    assert np.all(np.diff(left) < 0)
+def test_averages_are_usual_until_three_of_four_outputs_are_cut_off(monkeypatch: pytest.MonkeyPatch) -> None:
+    test = as_records(struck([20], 300, runs=3))
+    for left, usual in (((0.0, 0.051, 0.051, 0.2, 0.3), "decays"), ((0.0, 0.049, 0.051, 0.2, 0.3), "frf")):
+        monkeypatch.setattr(after_hits, "remaining", lambda *_, left=left: (np.array(left), 300))
+        assert usual_route(test) == usual
+
+
+def test_what_is_left_falls_as_runs_grow_longer() -> None:
+    """By exp(-zeta omega t) of the slowest mode; a settled decay has nothing left."""
+    left = [remaining(struck([20], n, runs=3), "impact")[0] for n in (200, 300, 600)]
+    slowest = -POLES.real.max() / RATE
+    assert np.all(np.diff(left, axis=0) < 0)
+    assert left[1].max() / left[0].max() == pytest.approx(np.exp(-100 * slowest), rel=0.3)
+    settled = remaining(struck([20], 4000, runs=3, noise=0.01), "impact")[0]
+    assert np.all(settled == 0)
 
 
 def test_another_method_keeps_its_own_route() -> None:
@@ -124,9 +130,9 @@ def test_other_forces_have_no_decays() -> None:
     shaken = as_records(
         Signals(outputs=rng.standard_normal((500, 2)), inputs=rng.standard_normal((500, 1)), sampling_rate=1.0)
     )
-    with pytest.raises(DataError, match="needs one force, of a hammer: it is no pulse"):
+    with pytest.raises(DataError, match="needs one force, of a hammer: the test is of kind 'shaker', with inputs u1"):
         decays_after_hits(shaken, None)
-    with pytest.raises(DataError, match="the records have 2 inputs"):
+    with pytest.raises(DataError, match="with inputs u1, u2"):
         decays_after_hits(as_records(struck([20], 300, places=2)), None)
 
 

@@ -11,18 +11,18 @@ import pytest
 import modalscope as ms
 from modalscope.numerics.functions.poles import poles_from
 from modalscope.numerics.statistics import assign
-from modalscope.signals.preprocess.after_hits import remaining
+from modalscope.signals.preprocess.after_hits import MAX_REMAINING, remaining
 from modalscope.signals.preprocess.excitation import excitation_of
 from tests.studies import Study
 
 SEEDS = range(1000, 1100)
 
 #: What is left at the end, parts of the largest vibration.
-PARTS = ((0.05, 0.15), (0.15, 0.3), (0.3, 1.0))
+PARTS = ((0.0, MAX_REMAINING), (MAX_REMAINING, 0.15), (0.15, 1.0))
 
 
 class Struck(NamedTuple):
-    """A hammer test of a structure whose poles are known, and the largest part of its vibration that is left."""
+    """A hammer test of a structure whose poles are known, and the part of its vibration that is left at three of four outputs."""
 
     record: ms.Signals
     poles: np.ndarray
@@ -55,7 +55,7 @@ def struck(seed: int) -> Struck:
     y += rng.choice([0.0005, 0.002, 0.02]) * 3 * y.std(axis=(0, 1)) * rng.standard_normal(y.shape)
     u = u + rng.choice([1e-5, 1e-3, 1e-2]) * u.max() * rng.standard_normal(u.shape)
     record = ms.Signals(outputs=y, inputs=u[:, :, None], sampling_rate=rate, quantities=("acceleration",) * outputs)
-    return Struck(record, poles, float(remaining(record, "impact")[0].max()))
+    return Struck(record, poles, float(np.quantile(remaining(record, "impact")[0], 0.25)))
 
 
 def judged(poles: np.ndarray, modes: Any) -> tuple[list[tuple[float, bool, bool]], int]:
@@ -87,7 +87,7 @@ def test_modes_of_hits_that_are_cut_off(
     some = [case for case in cases if part[0] < case.left <= part[1]]
     judgements = [judged(case.poles, ms.analyze(case.record, route=route).modes) for case in some]
     found = np.array([mode for modes, _ in judgements for mode in modes])
-    true, asked = sum(len(case.poles) for case in some), route == "decays"
+    true, asked = sum(len(case.poles) for case in some), route == "decays" and part[0] > 0
     data = f"hits, {100 * part[0]:.0f} to {100 * part[1]:.0f} % of the vibration left at their ends, route {route}"
     table = study(data, f"{len(some)} random structures of seeds {SEEDS[0]} to {SEEDS[-1]}")
     table.row(f"modes found of {true}", 100 * len(found) / true, least=95 if asked else None, unit=" %")

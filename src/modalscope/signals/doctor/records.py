@@ -12,7 +12,7 @@ from modalscope.data.records import Signals
 from modalscope.data.shown import percent
 from modalscope.numerics.checks import Array, RealArray
 from modalscope.signals.doctor.findings import channels_of, finding
-from modalscope.signals.preprocess.after_hits import remaining
+from modalscope.signals.preprocess.after_hits import MAX_REMAINING, remaining
 from modalscope.signals.preprocess.excitation import EVENT, powers_of_stretches
 from modalscope.signals.preprocess.harmonics import MIN_DAMPING, find_lines
 from modalscope.signals.preprocess.impacts import Hit, clipped_samples, find_hits
@@ -34,9 +34,6 @@ _MIN_UNEXPLAINED, _UNEXPLAINED_RATIO = 0.15, 5.0
 
 #: A harmonic and its leakage under a window lie within this part of its frequency.
 _HARMONIC_WIDTH = 0.01
-
-#: Vibration at the end of a run, as a part of the largest, that an untapered transform turns into leakage.
-_MAX_REMAINING = 0.05
 
 #: A random record shorter than this many times 1 / (zeta omega) determines the damping poorly.
 _TIME_CONSTANTS = 4.0
@@ -122,7 +119,7 @@ def leakage(signals: Signals, kind: str) -> list[Finding]:
     return [
         finding("leakage", dof, percent=100 * part, what=what, longer=longer)
         for dof, part in zip(signals.output_dofs, parts, strict=True)
-        if part > _MAX_REMAINING
+        if part > MAX_REMAINING
     ]
 
 
