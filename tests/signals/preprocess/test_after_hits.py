@@ -46,7 +46,7 @@ def test_what_follows_cut_off_hits_is_the_poles_alone(of_force: float) -> None:
     assert response.kind == "free decay"
     assert response.input_dofs == ("hit 1", "hit 2", "hit 3")
     assert 90 < response.samples <= 117
-    assert f"3 free decays of {response.samples} samples after hits, without scale" in str(notes[-1])
+    assert f"3 free decays after hits, {response.samples} samples each, without scale" in str(notes[-1])
     E = basis(response.samples)
     for k in range(3):
         y = response.values[:, :, k]

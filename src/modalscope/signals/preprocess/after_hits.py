@@ -78,8 +78,8 @@ def decays_after_hits(
     taken = [decay[:samples] for decay in decays if len(decay) >= samples]
     response = of_decays(stacked[0], taken, "hit", records.sampling_rate).processed("cut to the free decays after hits")
     chosen, *notes = struck_band(stacked, band) or (band,)
-    text = f"Taken as a hammer test: {counted(len(taken), 'free decay')} of {samples} samples after hits, without scale"
-    notes.append(Note("estimated", {"hits": len(taken)}, text))
+    text = f"Taken as {counted(len(taken), 'free decay')} after hits, {samples} samples each, without scale. To average hits: --route frf"
+    notes.append(Note("free decay", {"hits": len(taken)}, text))
     return response if chosen is None else slower_correlation(response, chosen[1]), chosen, tuple(notes)
 
 
