@@ -117,9 +117,9 @@ def identify(
     exclude : labels, optional
         Channels to leave out.
     route : {"auto", "records", "frf", "markov", "subspace", "decays", "correlation"}, optional
-        The way from records with inputs: on their own lines, by estimated frequency responses, by an observer (OKID), or projected on
-        their past. By default what serves the method, and of several ways the one that suits the records. "correlation" is the way of
-        records without inputs, which `analyze` then does not take as free decays either.
+        The way from records with inputs: on their own lines, by estimated frequency responses, by an observer (OKID), projected on
+        their past, or by the free decays after hits. By default what serves the method, and of several ways the one that suits the
+        records. "correlation" is the way of records without inputs, which `analyze` then does not take as free decays either.
     delays : mapping of label to int, optional
         Samples by which outputs of records with inputs come late after the forces, which is taken out; {} for none. By default what is
         seen with certainty after random forces.
