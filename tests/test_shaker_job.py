@@ -182,9 +182,12 @@ def test_the_rule_takes_responses_of_impacts_and_of_settled_periods_and_records_
     assert usual_route(as_records(white(rng, 8000, rng.standard_normal(8000)))) == "records"
     assert usual_route(as_records(white(rng, 8000, np.tile(period, 4)))) == "frf"
     assert usual_route(as_records(white(rng, 4000, np.tile(period, 2)))) == "records"  # one to settle, two to average
-    assert usual_route(as_records(white(rng, 8000, hits))) == "frf"
-    for longer, route in ((5000, "frf"), (9000, "records")):  # hits are cut to the shortest, but not to less than half
-        two = [white(rng, n, np.r_[1.0, np.zeros(n - 1)]) for n in (4000, longer)]
+    assert usual_route(as_records(white(rng, 8000, hits))) == "decays"  # the slowest mode goes on for longer than 4000
+    died = np.zeros(40_000)
+    died[[10, 20_000]] = 1, 2
+    assert usual_route(as_records(white(rng, 40_000, died))) == "frf"
+    for longer, route in ((25_000, "frf"), (45_000, "records")):  # cut to the shortest, but not to less than half
+        two = [white(rng, n, np.r_[1.0, np.zeros(n - 1)]) for n in (20_000, longer)]
         assert usual_route(Records(runs=tuple(two))) == route
 
 
