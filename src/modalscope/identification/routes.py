@@ -5,8 +5,8 @@
     periodic, settled, two or more periods         -> frf by synchronous averages, on the driven lines only
     all else                                       -> records on lines, in z
 
-Only records on lines are free of leakage, whatever the run does before and after. They are biased by noise on the inputs and by
-unmeasured forces: see `modalscope.data.record_residual`.
+Records on lines and decays do not leak, whatever came before and follows. The former are biased by noise on the inputs and by unmeasured
+forces: see `modalscope.data.record_residual`.
 """
 
 from __future__ import annotations
@@ -64,8 +64,7 @@ def usual_route(records: Records) -> str:
     single = all(len(run.input_dofs) == 1 for run in records.runs)
     alike = max(records.samples) <= _MAX_LENGTH_RATIO * min(records.samples)
     if single and alike and excitation_of(records.runs) == "impact":
-        one_place = len(records.input_dofs) == 1
-        return "decays" if one_place and all(cut_off(part) for part in records.stacked()) else "frf"
+        return "decays" if len(records.input_dofs) == 1 and all(map(cut_off, records.stacked())) else "frf"
     return "records" if _periodic(records) is None else "frf"
 
 

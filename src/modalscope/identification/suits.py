@@ -21,6 +21,9 @@ ROUTES = {
     Takes.DRIVEN: "subspace",
 }
 
+#: A route that is only ever the usual one -> the route whose rows take its data, and whose place it has: both give samples.
+INSTEAD = {"decays": "markov"}
+
 
 class Refusal(NamedTuple):
     """Why data do not suit a row, and the remedy."""
@@ -84,10 +87,7 @@ def of_past(row: Method) -> bool:
 
 
 def rows_span(row: Method, settings: Settings, dt: float | None) -> float | None:
-    """Return the time span of the block rows, seconds; None where they are no samples, or all of them are states.
-
-    `dt`: sampling interval of the identified system.
-    """
+    """Return the seconds that block rows span at a sampling interval; None where they are no samples, or all of them are states."""
     rows = settings.get("block_rows")
     of_samples = row.takes in (Takes.SAMPLES, Takes.PAST, Takes.DRIVEN) and row.orders.truncates
     return None if rows is None or dt is None or not of_samples else float(rows * dt)

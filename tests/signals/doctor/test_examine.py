@@ -169,6 +169,7 @@ def test_a_run_that_ends_too_early_leaks():
     found = [f for f in examine(short) if f.kind == "leakage"]
     assert {f.channels[0] for f in found} == set(record.output_dofs)
     assert "exponential" in found[0].change
+    assert "route records" in found[0].change
     assert "route decays" in found[0].change  # in words: where only files are looked at there is no such option
 
 

@@ -15,7 +15,7 @@ from benchmarks.records.roving import Roving, roving
 from modalscope.identification.routes import usual_route
 from modalscope.interfaces.cli import main
 from modalscope.signals.doctor import examine
-from modalscope.signals.doctor.one_place import decide, white_noise
+from modalscope.signals.doctor.one_place import _repeats, decide, white_noise
 from modalscope.signals.doctor.places import against_labels, label_by_place, placed, with_hits
 from modalscope.signals.doctor.runs import changed_runs
 from modalscope.signals.preprocess import estimate_frf
@@ -141,6 +141,14 @@ def test_one_hit_a_file_is_enough() -> None:
         1,
         2,
     ]
+
+
+@pytest.mark.parametrize(("sizes", "planned"), [((3, 2, 2, 1, 1, 1), True), ((2, 2, 2, 1, 1, 1, 1), False)])
+def test_repeats_are_planned_where_seven_of_ten_files_have_one(sizes: tuple[int, ...], planned: bool) -> None:
+    place = np.repeat(np.arange(len(sizes)), sizes)
+    far = 1 + 0.01 * np.abs(np.subtract.outer(place, place))
+    distances = np.where(place[:, None] == place, 0.05 * (1 - np.eye(10)), far)
+    assert _repeats(distances) == (place.tolist() if planned else list(range(10)))
 
 
 def test_shaken_places_are_told_apart_and_repeated_runs_are_one() -> None:

@@ -37,7 +37,7 @@ from modalscope.identification.method_names import find_method, methods, rows_of
 from modalscope.identification.orders import orders_compared
 from modalscope.identification.prepare import Measured, measure
 from modalscope.identification.routes import USUAL
-from modalscope.identification.suits import is_driven, refusal, route_of
+from modalscope.identification.suits import INSTEAD, is_driven, refusal, route_of
 from modalscope.identification.table_beyond import DOMAINS, methods as table
 from modalscope.numerics.checks import check_each
 from modalscope.numerics.errors import DataError, check_choice
@@ -64,7 +64,7 @@ def responses_by_route(
         return (first,), ()
     responses, failed = [first], []
     for other in USUAL:
-        if other not in (first.route, "markov" if first.route == "decays" else "decays"):
+        if other not in (first.route, INSTEAD.get(first.route), *INSTEAD):
             try:
                 responses.append(measure(data, band, route=other, delays=first.delays or {}, reciprocal=reciprocal))
             except DataError as error:
@@ -126,8 +126,7 @@ def plan(
         return not why
 
     def suits(method: Method) -> bool:
-        # decays are samples, which the rows of route markov take
-        return not is_driven(method) if route is None else route_of(method) == route.replace("decays", "markov")
+        return not is_driven(method) if route is None else route_of(method) == INSTEAD.get(route, route)
 
     chosen: list[Method] = []
     if isinstance(wanted, str) and wanted == "all":
