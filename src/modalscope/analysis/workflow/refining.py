@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from modalscope.data.indicators import with_indicators_of_shapes
-from modalscope.data.mode_fields import DIRECT, joined
+from modalscope.data.mode_fields import joined
 from modalscope.data.modes import ModalModel
 from modalscope.data.notes import Note
 from modalscope.data.response import Response
@@ -18,15 +19,13 @@ from modalscope.numerics.errors import DataError
 from modalscope.selection.judging.bands import evened, terms_of
 from modalscope.selection.judging.refine import in_place, refinement
 from modalscope.selection.likelihood.descent import Astray
+from modalscope.selection.likelihood.joint_fit import joint_fit
 from modalscope.selection.likelihood.noise import undenied
 
 _STD_FIELDS = (
     *("frequencies_std", "damping_ratios_std", "frequencies_repeatability", "damping_ratios_repeatability"),
     *("degrees", "damping_ratios_lower"),
 )
-
-#: What a fit of residues gives.
-_FITTED_FIELDS = ("shapes", "participation", "residual_terms", *DIRECT)
 
 #: Modes that drift away are fixed at once and the others refined again: minimum share of refined modes.
 _MIN_REFINED = 0.5
@@ -89,15 +88,15 @@ def _with_others(
 ) -> ModalModel:
     """Return the refined modes with others at their unrefined values, which the likelihood leads to other modes.
 
-    Their standard deviations are those at these values, given the refined modes.
+    These have no deviations: there is no interval around values that the likelihood leads away from. Residues of all are fitted together.
     """
-    parts = evened([replace(part, left_out=(), shapes_std=None, unrefined=None) for part in (refined, others)])
-    at_values = in_place(response.whole, joined(parts), extra)
-    own = slice(len(refined), None)
-    std = {name: getattr(at_values, name)[own] for name in _STD_FIELDS if getattr(at_values, name) is not None}
-    # the likelihood leads away from these values: there is no interval around them
-    std["degrees"] = np.zeros((len(others), 2))
-    merged = joined([parts[0], replace(parts[1], **std, converged=True)])
+    nothing: dict[str, Any] = {**dict.fromkeys(_STD_FIELDS), "degrees": np.zeros((len(others), 2)), "converged": True}
+    known = refined.shapes_std
+    shapes_std = None if known is None else np.hstack([known, np.full(others.shapes.shape, np.nan)])
+    bare = [replace(part, left_out=(), shapes_std=None, unrefined=None) for part in (refined, others)]
+    merged = joined(evened([bare[0], replace(bare[1], **nothing)]))
+    added, powers = response.added_damping, terms_of(refined)[1]
+    fit = joint_fit(response.whole, merged.poles - added, merged.shapes, extra - added, powers)
     order = np.argsort(merged.frequencies, kind="stable")
     # the refinement may leave modes out, and frequencies may pass each other
     started = others.poles if refined.unrefined is None else np.append(refined.unrefined.poles, others.poles)
@@ -105,10 +104,8 @@ def _with_others(
     where = list_some(f"{f:.5g} Hz" for f in others.frequencies)
     text = f"Not refined: {where} (their optimum lies at other modes); no intervals"
     note = Note("not refined", {"modes": len(others)}, text)
-    fitted = {name: getattr(at_values, name) for name in _FITTED_FIELDS}
-    both = replace(merged, left_out=refined.left_out, **fitted).normalized("unit")
-    widths = [part for part in (refined.shapes_std, at_values.shapes_std) if part is not None]
-    shapes_std = np.hstack([widths[0], widths[1][:, own]]) if len(widths) == 2 else None
+    fitted = replace(merged, left_out=refined.left_out, shapes=fit.shapes, **fit.fields(response.whole))
+    both = fitted.normalized("unit")
     found = replace(both, shapes_std=shapes_std).take(order)
     return with_indicators_of_shapes(replace(found, unrefined=before)).noted(note)
 

@@ -223,9 +223,9 @@ def _levelled(modes: ModalModel) -> ModalModel:
 
     No unit changes what is in these.
     """
-    stated = modes.shapes_std
-    known = stated is not None and bool(np.all(np.isfinite(stated) & (stated > 0)))
-    sizes = np.asarray(stated if known else np.abs(modes.shapes), dtype=float)
+    stated = np.zeros(modes.shapes.shape) if modes.shapes_std is None else modes.shapes_std
+    known = np.all(np.isfinite(stated) & (stated > 0), axis=0)
+    sizes = np.asarray(stated[:, known] if known.any() else np.abs(modes.shapes), dtype=float)
     return divided(modes, np.sqrt(levels_of_table(sizes**2)[0]))
 
 

@@ -15,7 +15,7 @@ from scipy.linalg.lapack import dpotrf, dtrtri
 from scipy.special import ndtri
 
 from modalscope.data.indicators import mac
-from modalscope.numerics.checks import Array, ComplexArray, RealArray
+from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.numerics.functions.poles import frequencies_and_damping, overlap
 from modalscope.numerics.statistics import few_channels
 from modalscope.selection.judging.selection_problem import MAX_DAMPING_OF_RESONANCES, SelectionProblem
@@ -77,7 +77,7 @@ class ColouredErrors:
         variance = both[0] + both[1]
         return replace(self, variance=variance, share=both[0] / variance)
 
-    def covariances(self, channels: slice, rows: ComplexArray) -> RealArray:
+    def covariances(self, channels: IntArray, rows: ComplexArray) -> RealArray:
         """Return Re of conj x' D^-1 (q A q + s K s) D^-1 y for pairs x, y of rows (c, k, 2, F), (c, k, 2, 2).
 
         `channels`: which c, counted over inputs first. `rows` (c, k, 2, F).
@@ -224,16 +224,17 @@ class ChannelFits:
             weights[without] = 0
         a, B = np.empty((channels, len(which), 2)), np.empty((channels, told, 2, 2))
         parts = _side_by_side(columns)
-        step = max(_BLOCK_NUMBERS // (columns.shape[1] * max(2 * told, 1)), 1)
-        for some in (slice(first, first + step) for first in range(0, channels, step)):
+        for few in few_channels(max(columns.shape[1], len(columns) ** 2), channels, _MAX_STORED_NUMBERS):
             # rows are those of a symmetric matrix
-            back = self._inverses(some, without, beside)[:, own]
-            weighted = np.tile(weights[:, some], (2, 1)) * self._data[:, some]
-            a[some] = np.einsum("cik,kc->ci", back, columns @ weighted).reshape(-1, len(which), 2)
-            rows = (back[:, : 2 * told].reshape(-1, len(columns)) @ parts).view(np.complex128)
-            if without is not None:
-                rows[:, without] = 0
-            B[some] = self._errors.covariances(some, rows.reshape(len(back), told, 2, -1)) / 2
+            back = self._inverses(few, without, beside)[:, own]
+            weighted = np.tile(weights[:, few], (2, 1)) * self._data[:, few]
+            a[few] = np.einsum("cik,kc->ci", back, columns @ weighted).reshape(-1, len(which), 2)
+            for some in few_channels(columns.shape[1] * max(2 * told, 1), len(back), _BLOCK_NUMBERS):
+                rows = (back[some, : 2 * told].reshape(-1, len(columns)) @ parts).view(np.complex128)
+                if without is not None:
+                    rows[:, without] = 0
+                own_channels = np.arange(channels)[few][some]
+                B[own_channels] = self._errors.covariances(own_channels, rows.reshape(-1, told, 2, len(weights))) / 2
         return a, B
 
     def _inverses(self, some: slice, without: Array | None, beside: RealArray | None) -> RealArray:

@@ -340,14 +340,10 @@ def _may_stand_outside(trial: SelectionResult, j: int) -> bool:
 
 def _at_peak(trial: SelectionResult, j: int, best: Candidate, fit: float) -> Candidate | None:
     """Return a mode that the data have a peak at, which it is most of: with the values of the orders, else refined ones; None without."""
-
-    def shown(c: Candidate) -> bool:
-        return bool(c.facts["share_of_peak"] >= LEAST_PEAK and c.facts["indicator_prominence"] >= LEAST_PROMINENCE)
-
-    if shown(best):
-        return best
-    alone = _by_itself(trial, j, fit)
-    return alone if shown(alone) else None
+    for each in (best, _by_itself(trial, j, fit)):
+        if each.facts["share_of_peak"] >= LEAST_PEAK and each.facts["indicator_prominence"] >= LEAST_PROMINENCE:
+            return each
+    return None
 
 
 def _late(group: Candidate, trial: SelectionResult) -> bool:
