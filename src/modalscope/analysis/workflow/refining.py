@@ -17,10 +17,10 @@ from modalscope.data.shown import list_some
 from modalscope.numerics.checks import ComplexArray
 from modalscope.numerics.errors import DataError
 from modalscope.selection.judging.bands import evened, terms_of
-from modalscope.selection.judging.refine import in_place, refinement
+from modalscope.selection.judging.refine import as_given, in_place, refinement
 from modalscope.selection.likelihood.descent import Astray
-from modalscope.selection.likelihood.joint_fit import joint_fit
 from modalscope.selection.likelihood.noise import undenied
+from modalscope.selection.likelihood.refined import last_fit
 
 _STD_FIELDS = (
     *("frequencies_std", "damping_ratios_std", "frequencies_repeatability", "damping_ratios_repeatability"),
@@ -88,15 +88,14 @@ def _with_others(
 ) -> ModalModel:
     """Return the refined modes with others at their unrefined values, which the likelihood leads to other modes.
 
-    These have no deviations: there is no interval around values that the likelihood leads away from. Residues of all are fitted together.
+    These have no deviations: there is no interval around values that the likelihood leads away from. Residues of all are the last fit.
     """
     nothing: dict[str, Any] = {**dict.fromkeys(_STD_FIELDS), "degrees": np.zeros((len(others), 2)), "converged": True}
     known = refined.shapes_std
     shapes_std = None if known is None else np.hstack([known, np.full(others.shapes.shape, np.nan)])
     bare = [replace(part, left_out=(), shapes_std=None, unrefined=None) for part in (refined, others)]
     merged = joined(evened([bare[0], replace(bare[1], **nothing)]))
-    added, powers = response.added_damping, terms_of(refined)[1]
-    fit = joint_fit(response.whole, merged.poles - added, merged.shapes, extra - added, powers)
+    fit = last_fit(*as_given(response.whole, merged, extra))
     order = np.argsort(merged.frequencies, kind="stable")
     # the refinement may leave modes out, and frequencies may pass each other
     started = others.poles if refined.unrefined is None else np.append(refined.unrefined.poles, others.poles)
@@ -105,8 +104,7 @@ def _with_others(
     text = f"Not refined: {where} (their optimum lies at other modes); no intervals"
     note = Note("not refined", {"modes": len(others)}, text)
     fitted = replace(merged, left_out=refined.left_out, shapes=fit.shapes, **fit.fields(response.whole))
-    both = fitted.normalized("unit")
-    found = replace(both, shapes_std=shapes_std).take(order)
+    found = replace(fitted.normalized("unit"), shapes_std=shapes_std).take(order)
     return with_indicators_of_shapes(replace(found, unrefined=before)).noted(note)
 
 

@@ -17,7 +17,7 @@ from scipy.special import ndtri
 from modalscope.data.indicators import mac
 from modalscope.numerics.checks import Array, ComplexArray, IntArray, RealArray
 from modalscope.numerics.functions.poles import frequencies_and_damping, overlap
-from modalscope.numerics.statistics import few_channels
+from modalscope.numerics.statistics import MANY_NUMBERS, few_channels
 from modalscope.selection.judging.selection_problem import MAX_DAMPING_OF_RESONANCES, SelectionProblem
 from modalscope.selection.likelihood.descent import Descent
 from modalscope.selection.likelihood.line_levels import parts_of_level
@@ -224,17 +224,17 @@ class ChannelFits:
             weights[without] = 0
         a, B = np.empty((channels, len(which), 2)), np.empty((channels, told, 2, 2))
         parts = _side_by_side(columns)
-        for few in few_channels(max(columns.shape[1], len(columns) ** 2), channels, _MAX_STORED_NUMBERS):
+        for few in few_channels(max(columns.shape[1], len(columns) ** 2), channels, MANY_NUMBERS):
             # rows are those of a symmetric matrix
             back = self._inverses(few, without, beside)[:, own]
             weighted = np.tile(weights[:, few], (2, 1)) * self._data[:, few]
             a[few] = np.einsum("cik,kc->ci", back, columns @ weighted).reshape(-1, len(which), 2)
             for some in few_channels(columns.shape[1] * max(2 * told, 1), len(back), _BLOCK_NUMBERS):
                 rows = (back[some, : 2 * told].reshape(-1, len(columns)) @ parts).view(np.complex128)
+                rows = rows.reshape(-1, told, 2, len(weights))
                 if without is not None:
-                    rows[:, without] = 0
-                own_channels = np.arange(channels)[few][some]
-                B[own_channels] = self._errors.covariances(own_channels, rows.reshape(-1, told, 2, len(weights))) / 2
+                    rows[..., without] = 0
+                B[few][some] = self._errors.covariances(np.arange(channels)[few][some], rows) / 2
         return a, B
 
     def _inverses(self, some: slice, without: Array | None, beside: RealArray | None) -> RealArray:
@@ -242,8 +242,7 @@ class ChannelFits:
         M, known = self._normals(some)
         weights = self._weights[:, some]
         if without is not None:
-            count = len(weights)
-            left_out = self._columns[:, np.append(without, without + count)]
+            left_out = self._columns[:, np.append(without, without + len(weights))]
             return _inverses(M - _products(left_out, left_out, weights[without]))
         if beside is None:
             return known

@@ -365,6 +365,16 @@ def _candidate(modes: ModalModel, j: int, gain: float) -> Candidate:
     )
 
 
+def as_given(response: Response, modes: ModalModel, fixed: Array) -> tuple[Task, Settled]:
+    """Return decaying modes where they are, as an optimum that needs no descent, under the noise that is seen there.
+
+    `fixed` (k,): rad/s: further poles.
+    """
+    added = response.added_damping
+    task = task_of(response, np.asarray(fixed, dtype=np.complex128) - added, None, None)
+    return task, settle(task, modes.poles - added, modes.shapes, _participation(task, modes), most=0)
+
+
 def in_place(response: Response, modes: ModalModel, fixed: Array, groups: Any = AUTO) -> ModalModel:
     """Return the modes with both standard deviations at the given poles, from information and scores there.
 
@@ -372,8 +382,6 @@ def in_place(response: Response, modes: ModalModel, fixed: Array, groups: Any = 
 
     `modes`: decaying oscillations. `fixed` (k,): rad/s: further poles. `groups`: as in `refine`.
     """
-    added = response.added_damping
-    task = task_of(response, np.asarray(fixed, dtype=np.complex128) - added, None, None)
-    settled = settle(task, modes.poles - added, modes.shapes, _participation(task, modes), most=0)
+    task, settled = as_given(response, modes, fixed)
     found = retold(refined(task, modes, settled, check_groups(groups, *response.parts, response.groups), [], []))
-    return found.take(np.argsort(np.argsort(np.abs(settled.descent.point.poles + added), kind="stable"), kind="stable"))
+    return found.take(np.argsort(np.argsort(np.abs(modes.poles), kind="stable"), kind="stable"))

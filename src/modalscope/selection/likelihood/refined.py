@@ -43,7 +43,7 @@ def refined(
     poles = point.poles + response.added_damping
     spread = spread_of(settled, poles, response, groups)
     order = np.argsort(np.abs(poles), kind="stable")
-    fit = _last_fit(task, settled)
+    fit = last_fit(task, settled)
     dt = 1 / response.sampling_rate if response.held_input and response.sampling_rate else before.dt
     model = replace(
         before,
@@ -69,12 +69,11 @@ def refined(
     # lines of records tell their errors whatever the spectrum
     averaged = (response.averages or 1) > 1
     doubt = settled.colour.coloured and not point.problem.records
-    return scaled.take(order).noted(
-        [*notes, *_told(settled.colour if doubt else None, spread, groups, poles, averaged)]
-    )
+    told = _told(settled.colour if doubt else None, spread, groups, poles, averaged)
+    return scaled.take(order).noted([*notes, *told])
 
 
-def _last_fit(task: Task, settled: Settled) -> JointFit:
+def last_fit(task: Task, settled: Settled) -> JointFit:
     """Return the residues of the very model whose poles are reported: the likelihood's own where its descent came to an end.
 
     Where no descent was made the given sides still hold, and residues are fitted in turn.
