@@ -73,7 +73,7 @@ def repeated(poles: ArrayLike, width: float = 2e-3) -> list[Array]:
 def _alike_in_size(s: ComplexArray, width: float) -> Array:
     """Return the indices, in order, of numbers whose moduli are nearer to another's than `width`: no others can be neighbours."""
     size = np.abs(s)
-    by_size = np.argsort(size)
+    by_size = np.argsort(size, kind="stable")
     apart = np.diff(size[by_size]) > width * size[by_size[1:]] * (1 + 1e-12)  # a difference of moduli is rounded
     alone = np.append(True, apart)[: s.size] & np.append(apart, True)[: s.size]
     return np.sort(by_size[~alone])

@@ -89,8 +89,9 @@ def equations_of_motion(model: StateSpace) -> EquationsOfMotion:
     X = np.asarray(-np.linalg.lstsq(V.T, (model.C @ model.A @ model.A).T, rcond=None)[0].T, dtype=float)
     stiffness, damping = X[:, :l], X[:, l:] / w
     values, vectors = np.linalg.eig(stiffness)
-    largest = np.argsort(-np.abs(values))[: n // 2]  # more sensors than degrees of freedom add eigenvalues of zero
-    order = largest[np.argsort(np.abs(values[largest]))]
+    # more sensors than degrees of freedom add eigenvalues of zero
+    largest = np.argsort(-np.abs(values), kind="stable")[: n // 2]
+    order = largest[np.argsort(np.abs(values[largest]), kind="stable")]
     real = most_real(vectors[:, order]).real
     return EquationsOfMotion(
         stiffness=stiffness,

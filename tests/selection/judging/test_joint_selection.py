@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from modalscope.numerics.functions.poles import poles_from
 from modalscope.selection.judging import joint_selection
 from modalscope.selection.judging.joint_selection import (
     State,
+    _completed_in_coloured_errors,
     _doubtful,
     _excess,
     _with_significant_peaks,
@@ -371,6 +373,31 @@ def test_a_peak_of_an_earlier_round_goes_when_a_later_one_leaves_it_nothing() ->
             State(three, selection.variance, selection), held, (outside, sides), np.array([0, 0, 0, 1]), 1
         )
         assert (fewer is not None) is kept
+
+
+def test_where_no_peak_is_a_mode_the_next_strongest_are_tried_and_after_one_that_is_all_are_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    selection = selection_of(data((0, 1)), coloured=True)
+    state = State(descend(selection.problem, POLES[:2], PARTS[:2].astype(complex)), selection.variance, selection)
+    grid, tried = poles_from(np.arange(6.0, 24), np.full(18, 0.001)), list[list[float]]()
+
+    def peaks(most: int, examined: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        found = grid[~np.isin(grid, examined)][:most]
+        return found, np.ones((found.size, 2), complex)
+
+    recount = SimpleNamespace(peaks=peaks)
+
+    def one_mode_in_the_second_round(*given: Any) -> Any:
+        (poles, _), rounds, last = given[2:]
+        tried.append(np.round(np.abs(poles[-np.count_nonzero(rounds == last) :]) / (2 * np.pi)).tolist())
+        return (state, recount, np.zeros(3, int)) if last == 2 else None
+
+    monkeypatch.setattr(joint_selection, "recount_of", lambda *_: recount)
+    monkeypatch.setattr(joint_selection, "_with_significant_peaks", one_mode_in_the_second_round)
+    _completed_in_coloured_errors(state)
+    first, second, third = (list(range(k, k + 6)) for k in (6, 12, 18))
+    assert tried == [first, second, first, second, third]
 
 
 def test_below_two_bars_a_mode_that_stands_alone_is_in_doubt() -> None:

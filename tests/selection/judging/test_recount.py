@@ -62,7 +62,11 @@ def test_a_peak_of_correlated_errors_stands_out_less(correlation: tuple[float, .
     g = (1 / (2j * np.pi * F - s))[:, None, None] * np.outer(SHAPES[:, 3], PARTS[3])
     left = np.concatenate([g.real, g.imag])
     left *= np.sqrt(errors.bar / 2 / np.sum(left**2))
-    assert len(replace(errors, left=left).peaks(6)[0]) == found
+    assert len(replace(errors, left=left).peaks(6, np.array([]))[0]) == found
+    # another peak was examined: this one must explain the whole bar; and none is examined twice
+    for factor, examined, again in ((1, 12.0, 0), (2, 12.0, found), (2, 22.0, 0)):
+        given = replace(errors, left=left * np.sqrt(factor * 1.2)), poles_from(np.array([examined]), 0.001)
+        assert len(given[0].peaks(6, given[1])[0]) == again
 
 
 def test_the_bound_of_free_residues_lies_above_the_quantile_of_chi_squared() -> None:

@@ -126,7 +126,7 @@ def merge_modes(
     kept = [mode for mode in enough if given is not None or len(mode) == len(parts)]
     left = [_candidate(mode, parts, mode in enough) for mode in found if mode not in kept]
     f, zeta = (np.array([_mean(mode, parts, name) for mode in kept]) for name in ("frequencies", "damping_ratios"))
-    order = np.argsort(f)
+    order = np.argsort(f, kind="stable")
     kept, f, zeta = [kept[k] for k in order], f[order], zeta[order]
     poles = poles_from(f, zeta)
     outputs = tuple(dict.fromkeys(dof for part in parts for dof in part.output_dofs))

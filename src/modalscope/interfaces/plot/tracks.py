@@ -107,7 +107,7 @@ def against_picture(found: Explained, name: str) -> Picture:
     """Return the relative changes of all tracks, one below the other, against a covariate."""
     own = [k for k, n in enumerate(found.regressors) if n == name or n.startswith(f"{name} below ")]
     x = found.design[:, own[0]]
-    order, items, drawn = np.argsort(x), list[Item](), list[Array]()
+    order, items, drawn = np.argsort(x, kind="stable"), list[Item](), list[Array]()
     spread = 6 * float(np.nanmax(found.residual_std, initial=0.0))
     for k, track_name in enumerate(found.tracks.names):
         line = found.design[:, own] @ found.coefficients[k, own] - k * spread

@@ -406,7 +406,7 @@ def _hit(columns: Sequence[Column]) -> Column | None:
     if len(columns) < 2:
         return None
     shares = [_share_near_peak(column.values) for column in columns]
-    order = np.argsort(shares)
+    order = np.argsort(shares, kind="stable")
     short, next_one = shares[order[0]], shares[order[1]]
     return columns[int(order[0])] if short <= _MAX_SHARE_OF_HIT and next_one > 4 * short else None
 

@@ -214,7 +214,7 @@ def _resonances(diagram: StabilizationDiagram, low: float, high: float) -> tuple
     best = diagram.orders[int(np.argmin(diagram.fit_errors))]
     f, zeta = frequencies_and_damping(diagram.poles[(diagram.order_of_pole == best) & (diagram.poles.imag > 0)])
     kept = (f > low) & (f < high) & (zeta > 0) & (zeta < MAX_DAMPING_OF_RESONANCES)
-    order = np.argsort(f[kept])
+    order = np.argsort(f[kept], kind="stable")
     return f[kept][order], zeta[kept][order]
 
 

@@ -102,7 +102,7 @@ def copies_of(recount: Recount) -> Copies | None:
             continue
         near = np.abs(s[which] - found.poles[:, None]) / -found.poles[:, None].real
         rows, columns = assign(near)
-        stands = which[columns[np.argsort(rows)]]
+        stands = which[columns[np.argsort(rows, kind="stable")]]
         host[which], host[stands] = stands[np.argmin(near, axis=0)], stands
         poles[stands] = found.poles
         shifts += [found.shifts] if found.shifts.any() else []

@@ -142,7 +142,7 @@ def channel_noise_factors(state: State) -> RealArray:
     if grid is not None and weak.size:
         squares = residual(point, fitted).reshape(2, grid.size, *by_channel.shape) ** 2
         for j in weak:
-            near = np.abs(grid - state.poles[j].imag / (2 * np.pi)).argsort()[:LEVEL_LINES]
+            near = np.abs(grid - state.poles[j].imag / (2 * np.pi)).argsort(kind="stable")[:LEVEL_LINES]
             factors[j] = max(factors[j], float(np.sum(part[j] * squares[:, near].mean(axis=(0, 1)))) / state.variance)
     return np.asarray(factors)
 
@@ -304,17 +304,22 @@ def _levelled(state: State) -> State:
 def _completed_in_coloured_errors(state: State) -> tuple[State, Recount]:
     """Add the peaks of the residual that exceed coloured errors, round by round, if they remain significant in the joint fit.
 
-    Peaks of earlier rounds are tested again in each round: a pole that is added later may explain what they did.
+    Poles added in earlier rounds are tested again in each round: one that is added later may explain what they did. Where no peak is
+    a mode, the next strongest follow: the first are often what strong modes leave.
     """
     recount = recount_of(state.selection, state.descent)
     rounds = np.zeros(len(state.poles), dtype=int)  # in which each pole was added; zero for those of the diagram
+    examined = np.zeros(0, complex)
     for k in range(1, _MAX_ROUNDS + 1):
-        poles, sides = recount.peaks(_PEAKS_PER_ROUND)
+        poles, sides = recount.peaks(_PEAKS_PER_ROUND, examined)
+        if not len(poles):
+            break
+        examined = np.append(examined, poles)
         candidates = np.append(state.poles, poles), np.vstack([state.sides, sides])
         trial = _with_significant_peaks(state, recount, candidates, np.append(rounds, np.full(len(poles), k)), k)
-        if trial is None:
-            break
-        state, recount, rounds = trial
+        if trial is not None:
+            examined = examined[: 0 if len(trial[2]) > len(rounds) else None]
+            state, recount, rounds = trial
     return state, recount
 
 
@@ -373,7 +378,7 @@ def significant_peaks(poles: ComplexArray, ratio: RealArray) -> Array:
     `poles` (n,). `ratio` (n,): as in `Recount.relative_gains`.
     """
     near = overlap(poles, poles)
-    rank = np.argsort(np.argsort(ratio))
+    rank = np.argsort(np.argsort(ratio, kind="stable"), kind="stable")
     first = np.all(~near | (rank[:, None] >= rank), axis=1)
     return np.asarray((ratio > 1) | (first & (near.sum(axis=1) > 1)))
 
@@ -399,7 +404,7 @@ def _split_where_needed(state: State) -> State:
     If one pole is fitted to two of the same shape, the residual is of second order in their distance and shows no peak.
     """
     least = state.selection.bar * state.variance
-    for pole in state.poles[np.argsort(-state.gain)]:
+    for pole in state.poles[np.argsort(-state.gain, kind="stable")]:
         j = int(np.argmin(np.abs(state.poles - pole)))
         distance, cost = -1j * _SPLIT_HALF_BANDWIDTHS * state.poles[j].real, state.descent.cost
         poles, sides = np.append(state.poles, state.poles[j] - distance), np.vstack([state.sides, state.sides[[j]]])

@@ -21,7 +21,7 @@ from modalscope.numerics.statistics import MANY_NUMBERS, few_channels
 from modalscope.selection.judging.selection_problem import MAX_DAMPING_OF_RESONANCES, SelectionProblem
 from modalscope.selection.likelihood.descent import Descent
 from modalscope.selection.likelihood.line_levels import parts_of_level
-from modalscope.selection.likelihood.matched import apart, explained_by_channel, grid_of, residues_by_channel
+from modalscope.selection.likelihood.matched import apart, explained_by_channel, grid_of, near, residues_by_channel
 from modalscope.selection.likelihood.whitening import LEVEL_LINES, free_bound, lag_factor, smoothed
 
 # ----------------------------------------------------------------------------------------------------- coloured errors
@@ -445,10 +445,11 @@ class Recount:
         gains[out[~self.lasting(which[out])]] = 0
         return gains
 
-    def peaks(self, most: int) -> tuple[ComplexArray, ComplexArray]:
-        """Return the strongest peaks of the residual as poles (k,) and sides (k, p).
+    def peaks(self, most: int, examined: ComplexArray) -> tuple[ComplexArray, ComplexArray]:
+        """Return the strongest peaks of the residual, far from those examined in vain, as poles (k,) and sides (k, p).
 
-        Peaks that overlap modes are small before the joint refinement: a quarter of the threshold is enough here.
+        Peaks that overlap modes are small before the joint refinement: a quarter of the threshold is enough, but for those that
+        stronger ones hid.
         """
         problem, known = self.selection.problem, self.descent.point.poles
         grid = grid_of(problem.light)
@@ -456,15 +457,16 @@ class Recount:
             (-grid.real < MAX_DAMPING_OF_RESONANCES * np.abs(grid))
             & (2 * self.selection.half_bandwidths_in_lines(grid) >= _MIN_PEAK_LINES)
         ]
-        grid = grid[~np.any(np.abs(grid[:, None] - known) < -known.real, axis=1)]
-        given = problem.light, self.left, self.errors.variance, problem.rows, grid
+        beside = np.any(np.abs(grid[:, None] - known) < -known.real, axis=1)
+        grid = grid[~(beside | np.any(near(grid[:, None], examined), axis=1))]
+        given = problem.light, self.left, self.errors.variance, problem.rows
         lines = problem.light.grid
         assert lines is not None
-        near = np.searchsorted(lines, grid.imag / (2 * np.pi)).clip(max=lines.size - 1)
+        at = np.searchsorted(lines, grid.imag / (2 * np.pi)).clip(max=lines.size - 1)
         half = self.selection.half_bandwidths_in_lines(grid)
-        gain = explained_by_channel(*given) / lag_factor(self.errors.common(near), half)
-        first = apart(grid, gain, self.bar / 4, most)
-        sides = [np.linalg.svd(R, full_matrices=False)[2][0] for R in residues_by_channel(*given, first)]
+        gain = explained_by_channel(*given, grid) / lag_factor(self.errors.common(at), half)
+        first = apart(grid, gain, self.bar / (1 if examined.size else 4), most)
+        sides = [np.linalg.svd(residues_by_channel(*given, s), full_matrices=False)[2][0] for s in grid[first]]
         return grid[first], np.array(sides, dtype=complex).reshape(-1, self.left.shape[2])
 
 

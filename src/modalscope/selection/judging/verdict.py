@@ -159,7 +159,7 @@ class Contest:
             return host
         shapes, participation = self.outcome.residues
         one = collinear(s, *((participation.T, shapes.T) if len(shapes) == 1 else (shapes, participation)))
-        for j in np.argsort(-gain):
+        for j in np.argsort(-gain, kind="stable"):
             stronger = [k for k in np.flatnonzero(one[j]) if gain[k] > gain[j]]
             if stronger and host[j] == j:
                 host[j] = host[max(stronger, key=lambda k: gain[k])]

@@ -167,7 +167,7 @@ def _at_maximum(lines: _Lines, modes: ModalModel, shapes: RealArray) -> tuple[Re
 
 
 def _strongest_first(shapes: RealArray) -> list[int]:
-    return [int(j) for j in np.argsort(-np.linalg.norm(shapes, axis=0))]
+    return [int(j) for j in np.argsort(-np.linalg.norm(shapes, axis=0), kind="stable")]
 
 
 def _turned_real(shapes: ComplexArray) -> ComplexArray:
@@ -203,7 +203,7 @@ def _with_power(lines: _Lines, modes: ModalModel, real: RealArray) -> RealArray:
         float(np.mean(np.abs(lines.Y[:, k] @ phi) ** 2)) if k.size else 0.0 for k, phi in zip(own, real.T, strict=True)
     ]
     found = np.zeros_like(real)
-    for j in np.argsort(seen)[::-1]:
+    for j in np.argsort(seen, kind="stable")[::-1]:
         near = _near(lines, modes, int(j))
         if near is None:
             continue

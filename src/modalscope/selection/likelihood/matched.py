@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -102,14 +102,10 @@ def strongest_peaks(
         # no singular value exceeds the norm, which costs nothing
         may = new[some] & (np.sum(A.real**2 + A.imag**2, axis=(1, 2)) >= least)
         gain[some[may]] = np.linalg.norm(A[may], ord=2, axis=(1, 2)) ** 2
-    best = apart(grid, gain, least, most)
-    # once more: those of all strong poles are many times the data
-    strong: dict[int, ComplexArray] = {}
-    for some, A in _amplitudes(response, left, rows, grid, best) if best else ():
-        strong |= {k: own for k, own in zip(some.tolist(), A, strict=True) if k in best}
     found: list[Peak] = []
-    for k in best:
-        U, _, Vh = np.linalg.svd(strong[k].reshape(left.shape[1:]), full_matrices=False)
+    for k in apart(grid, gain, least, most):
+        # once more, on the lines that tell of it: those of all strong poles are many times the data
+        U, _, Vh = np.linalg.svd(amplitudes(response, left, rows, grid[[k]])[0], full_matrices=False)
         found.append(Peak(complex(grid[k]), U[:, 0], Vh[0]))
     return found
 
@@ -122,8 +118,13 @@ def apart(grid: ComplexArray, gain: RealArray, least: float, most: int) -> list[
     gain, found = gain.copy(), list[int]()
     while len(found) < most and gain.size and gain[best := int(np.argmax(gain))] >= max(least, 1e-300):
         found.append(best)
-        gain[np.abs(grid - grid[best]) < _MIN_PEAK_DISTANCE * np.abs(grid.real + grid[best].real)] = 0
+        gain[near(grid, grid[best])] = 0
     return found
+
+
+def near(grid: ComplexArray, poles: ComplexArray) -> Array:
+    """Whether poles of a grid are so near others that both may be one peak."""
+    return np.asarray(np.abs(grid - poles) < _MIN_PEAK_DISTANCE * np.abs(grid.real + poles.real))
 
 
 def amplitudes(response: Response, left: RealArray, rows: RealArray, poles: Array) -> ComplexArray:
@@ -138,16 +139,13 @@ def amplitudes(response: Response, left: RealArray, rows: RealArray, poles: Arra
 
 
 def _amplitudes(
-    response: Response, left: RealArray, rows: RealArray, poles: Array, wanted: Sequence[int] | None = None
+    response: Response, left: RealArray, rows: RealArray, poles: Array
 ) -> Iterator[tuple[IntArray, ComplexArray]]:
-    """Yield some poles after others, and their amplitudes in all channels, (poles, l m): those of a grid are many.
-
-    `wanted`: of which poles, by default all; those taken together with them come along.
-    """
+    """Yield some poles after others, and their amplitudes in all channels, (poles, l m): those of a grid are many."""
     divided = (left / rows[:, None, None]).reshape(len(left), -1)
     # of lines real and imaginary parts have one deviation
     quiet = (rows if response.grid is None else rows[: len(rows) // 2]) ** -2.0
-    for some, used, g, squares in _side_by_side(response, poles, len(left), wanted):
+    for some, used, g, squares in _side_by_side(response, poles, len(left)):
         yield some, _sums(g, used, divided) / np.sqrt(np.maximum(squares @ quiet[used], 1e-300))[:, None]
 
 
@@ -165,53 +163,53 @@ def explained_by_channel(
 
 
 def residues_by_channel(
-    response: Response, left: RealArray, variance: RealArray, rows: RealArray, poles: Array, which: Sequence[int]
+    response: Response, left: RealArray, variance: RealArray, rows: RealArray, pole: complex
 ) -> ComplexArray:
-    """Return the residues of some of these poles in those fits, (k, l, m)."""
-    found = np.empty((len(which), left[0].size), dtype=complex)
-    for some, few, A, sizes in _by_channel(response, left, variance, rows, poles, which):
-        told, at = np.nonzero(np.asarray(which, dtype=int)[:, None] == some)
-        found[told, few] = A[at] / sizes[at]
-    return found.reshape(-1, *left.shape[1:])
+    """Return the residues of a pole in that fit, (l, m)."""
+    found = np.empty(left[0].size, dtype=complex)
+    for _, few, A, sizes in _by_channel(response, left, variance, rows, np.array([pole])):
+        found[few] = A[0] / sizes[0]
+    return found.reshape(left.shape[1:])
 
 
 def _by_channel(
-    response: Response,
-    left: RealArray,
-    variance: RealArray,
-    rows: RealArray,
-    poles: Array,
-    wanted: Sequence[int] | None = None,
+    response: Response, left: RealArray, variance: RealArray, rows: RealArray, poles: Array
 ) -> Iterator[tuple[IntArray, slice, ComplexArray, RealArray]]:
-    """Yield some poles, some channels, and sums of the poles' functions with what is left of these, and with themselves, (poles, channels).
-
-    `wanted`: see `_amplitudes`.
-    """
+    """Yield some poles, some channels, and sums (poles, channels) of the poles' functions with what is left, and with themselves."""
     flat, whole = (each.reshape(len(each), -1) for each in (left, variance))
     parts, step = rows.reshape(-1, len(whole), 1), max(_CHANNEL_NUMBERS // len(left), 1)
     for few in (slice(first, first + step) for first in range(0, flat.shape[1], step)):
         weights = 2 / whole[:, few]
         weighted = (weights / parts * flat[:, few].reshape(len(parts), len(whole), -1)).reshape(len(left), -1)
         weights /= parts[0] ** 2
-        for some, used, g, squares in _side_by_side(response, poles, len(left), wanted):
+        for some, used, g, squares in _side_by_side(response, poles, len(left)):
             yield some, few, _sums(g, used, weighted), np.maximum(squares @ weights[used], 1e-300)
 
 
 def _side_by_side(
-    response: Response, poles: Array, count: int, wanted: Sequence[int] | None = None
+    response: Response, poles: Array, count: int
 ) -> Iterator[tuple[IntArray, slice, RealArray, RealArray]]:
     """Yield some poles, the lines or samples that they show in, their functions there (n, 2, r, F) and half their squares (n, F).
 
-    Neighbours of one damping share their lines; r are real and imaginary parts, or samples alone. `wanted`: see `_amplitudes`.
+    Neighbours of one damping share their lines; r are real and imaginary parts, or samples alone.
     """
-    order = np.argsort(-poles.real / np.abs(poles), kind="stable")
+    order = _by_damping(poles)
     few = min(_POLES_TOGETHER, max(1, _MAX_STORED_NUMBERS // (2 * count)))
     for near in (order[first : first + few] for first in range(0, poles.size, few)):
         used = _near(response, poles[near], count)
         step = max(_CACHE_NUMBERS // (used.stop - used.start), 1)
         for some in (near[first : first + step] for first in range(0, near.size, step)):
-            if wanted is None or np.isin(wanted, some).any():
-                yield some, used, *_filters(response, poles[some], used)
+            yield some, used, *_filters(response, poles[some], used)
+
+
+def _by_damping(poles: Array) -> IntArray:
+    """Return the order of poles by damping, alike within a factor of two, then by frequency.
+
+    Poles of a grid have one damping but for its rounding, which would mix neighbours with poles of any frequency: they would share all
+    lines in place of those near them.
+    """
+    damping = np.maximum(-poles.real / np.abs(poles), np.finfo(float).tiny)
+    return np.lexsort((poles.imag, np.floor(np.log2(damping))))
 
 
 def _filters(response: Response, poles: Array, used: slice) -> tuple[RealArray, RealArray]:
@@ -231,15 +229,19 @@ def _sums(g: RealArray, used: slice, data: RealArray) -> ComplexArray:
 
 
 def _near(response: Response, poles: Array, rows: int) -> slice:
-    """Return the lines that poles show in: those far off a resonance tell nothing of it; the samples before all have faded."""
-    lines, f, half = response.grid, np.abs(poles.imag) / (2 * np.pi), REACH * np.max(-poles.real) / (2 * np.pi)
-    if lines is None:
-        rate, slowest = response.sampling_rate, float(np.min(-poles.real))
-        last = rows if rate is None or slowest <= 0 else np.log(_MIN_RELATIVE_SAMPLE) / -slowest * rate
-        return slice(0, int(min(max(last, _MIN_LINES), rows)))
-    half = max(half, _MIN_LINES * line_step(response))
+    """Return the lines that poles show in, or the samples before all have faded."""
+    if response.grid is not None:
+        return _lines_near(response.grid, poles, _MIN_LINES, _MIN_LINES * line_step(response))
+    rate, slowest = response.sampling_rate, float(np.min(-poles.real))
+    last = rows if rate is None or slowest <= 0 else np.log(_MIN_RELATIVE_SAMPLE) / -slowest * rate
+    return slice(0, int(min(max(last, _MIN_LINES), rows)))
+
+
+def _lines_near(lines: RealArray, poles: Array, fewest: int, least: float = 0.0) -> slice:
+    """Return the lines that poles show in: those far off a resonance tell nothing of it. `least`: how far they reach at least, Hz."""
+    f, half = np.abs(poles.imag) / (2 * np.pi), max(REACH * np.max(-poles.real) / (2 * np.pi), least)
     low, high = np.searchsorted(lines, [f.min() - half, f.max() + half])
-    return slice(min(low, max(lines.size - _MIN_LINES, 0)), max(high, min(_MIN_LINES, lines.size)))
+    return slice(max(min(low, lines.size - fewest), 0), max(high, low + fewest))
 
 
 def grid_of(response: Response) -> ComplexArray:
@@ -312,11 +314,11 @@ def _matched(
 ) -> Iterator[tuple[ComplexArray, tuple[ComplexArray, ComplexArray]]]:
     """Yield poles and their (B, B^H g), B B^H the inverse of H: (k, D, D) and (k, D, l)."""
     D, l = seen.drives.shape[1], seen.left.shape[1]
-    order = np.argsort(-grid.real / np.abs(grid), kind="stable")
+    order = _by_damping(grid)
     few = min(_RECORD_POLES_TOGETHER, max(1, _MAX_RECORD_NUMBERS // (len(seen.points) * max(D, 1))))
     for start in range(0, grid.size, few):
         poles = grid[order[start : start + few]]
-        s = _near_in_records(seen.frequencies, poles)
+        s = _lines_near(seen.frequencies, poles, _MIN_RECORD_LINES)
         d, E = seen.drives[s], seen.left[s]
         filters = 1 / (seen.points[s] - records.in_plane(poles)[:, None])  # (k, F)
         H = (np.abs(filters) ** 2 @ (d.conj()[:, :, None] * d[:, None, :]).reshape(len(d), -1)).reshape(-1, D, D)
@@ -325,10 +327,3 @@ def _matched(
         kept = weights > _MIN_DRIVE_SHARE * weights[:, -1:]
         B = V * np.where(kept, 1 / np.sqrt(np.where(kept, weights, 1)), 0)[:, None, :]
         yield poles, (B, B.conj().transpose(0, 2, 1) @ g)
-
-
-def _near_in_records(frequencies: RealArray, poles: ComplexArray) -> slice:
-    """Return the lines that poles show on."""
-    f, half = np.abs(poles.imag) / (2 * np.pi), REACH * np.max(-poles.real) / (2 * np.pi)
-    low, high = np.searchsorted(frequencies, [f.min() - half, f.max() + half])
-    return slice(max(min(low, frequencies.size - _MIN_RECORD_LINES), 0), max(high, low + _MIN_RECORD_LINES))

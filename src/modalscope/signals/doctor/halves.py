@@ -219,7 +219,7 @@ def _rates(signals: Signals) -> tuple[RealArray, RealArray, BoolArray]:
         u /= np.maximum(np.abs(u), np.finfo(float).tiny)
         # lines on which the phase is steady from stretch to stretch, at any rate
         steady = np.abs(np.sum(u[:, 1:] * u[:, :-1].conj(), axis=(0, 1)))
-        lines = np.sort(np.argsort(steady)[-_LINES:])
+        lines = np.sort(np.argsort(steady, kind="stable")[-_LINES:])
         w = 2 * np.pi * (lines + 1) / length
         z = np.exp(1j * w[:, None] * starts * (_RATES[_STILL + 1] - _RATES[_STILL]))
         of_lines, middle = u[:, :, lines].transpose(2, 0, 1), count // 2

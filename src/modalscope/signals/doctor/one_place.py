@@ -159,7 +159,7 @@ def _windows(power: RealArray, noise: RealArray) -> list[slice]:
     level = 10 * np.log10(np.maximum(power, max(1e-30 * float(power.max()), _TINY)))
     peaks: IntArray = signal.find_peaks(level, prominence=_PROMINENCE_DB)[0]
     peaks = peaks[power[peaks] > _MIN_PEAK_RATIO * noise[peaks]]
-    peaks = np.sort(peaks[np.argsort(power[peaks])[-_MAX_RESONANCES:]])
+    peaks = np.sort(peaks[np.argsort(power[peaks], kind="stable")[-_MAX_RESONANCES:]])
     half = signal.peak_widths(power, peaks, rel_height=0.5)[0] / 2
     sides = np.ceil(np.clip(_HALF_BANDWIDTHS * half, None, _MAX_SIDE * len(power)))
     sides = np.maximum(sides, _MIN_SIDE_LINES).astype(int)

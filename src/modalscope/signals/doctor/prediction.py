@@ -271,7 +271,7 @@ def _gaps(model: Correlations) -> list[Gap]:
     if float(total[:, common].sum()) - penalty < -np.log(_FALSE_ALARM):
         return []
     lost = np.where(ratios[:, common] >= best, common, np.argmax(ratios, axis=1)) + 1
-    order = np.argsort(-total[:, common])
+    order = np.argsort(-total[:, common], kind="stable")
     return [Gap(events[i][0], events[i][1] + model.depth, int(lost[i])) for i in order]
 
 
@@ -314,7 +314,7 @@ def _events(
     blow = -0.5 * np.sum(np.log(free) + squares / free, axis=1)
     ratio = densities[1:].max(axis=0) - densities[0]
     events: list[tuple[int, RealArray]] = []
-    for i in np.argsort(-ratio):
+    for i in np.argsort(-ratio, kind="stable"):
         if ratio[i] < limit:
             break
         if all(abs(k[i] - other) > _MAX_MISSING for other, _ in events):
