@@ -190,8 +190,9 @@ _UNREFINED_FRACTION = 0.5
 #: Modes with gains below this multiple of the threshold are refitted without, to make sure that the others cannot replace them.
 _WEAK_MULTIPLE = 2
 
-#: Maximum number of searches of the residual, and of poles added in each; choices that bound the time.
-_MAX_ROUNDS, _PEAKS_PER_ROUND = 8, 6
+#: Maximum number of searches of the residual, of poles added in each, and of peaks in a row that are no modes: choices that bound the
+#: time, and the chance that one of many is taken for a mode.
+_MAX_ROUNDS, _PEAKS_PER_ROUND, _MAX_IN_VAIN = 8, 6, 18
 
 #: The level of a channel over what poles leave of it, from which the data are divided anew: levels are read to the next power of two.
 _MAX_LEVEL_RATIO = 2.0
@@ -312,7 +313,7 @@ def _completed_in_coloured_errors(state: State) -> tuple[State, Recount]:
     examined = np.zeros(0, complex)
     for k in range(1, _MAX_ROUNDS + 1):
         poles, sides = recount.peaks(_PEAKS_PER_ROUND, examined)
-        if not len(poles):
+        if not len(poles) or len(examined) >= _MAX_IN_VAIN:
             break
         examined = np.append(examined, poles)
         candidates = np.append(state.poles, poles), np.vstack([state.sides, sides])
