@@ -380,9 +380,10 @@ def test_where_no_peak_is_a_mode_the_next_strongest_are_tried_and_after_one_that
 ) -> None:
     selection = selection_of(data((0, 1)), coloured=True)
     state = State(descend(selection.problem, POLES[:2], PARTS[:2].astype(complex)), selection.variance, selection)
-    grid, tried = poles_from(np.arange(6.0, 34), np.full(28, 0.001)), list[list[float]]()
+    grid, tried, searched = poles_from(np.arange(6.0, 34), np.full(28, 0.001)), list[list[float]](), list[int]()
 
     def peaks(most: int, examined: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        searched.append(len(examined))
         found = grid[~np.isin(grid, examined)][:most]
         return found, np.ones((found.size, 2), complex)
 
@@ -398,6 +399,7 @@ def test_where_no_peak_is_a_mode_the_next_strongest_are_tried_and_after_one_that
     _completed_in_coloured_errors(state)
     first, second, third = (list(range(k, k + 6)) for k in (6, 12, 18))
     assert tried == [first, second, first, second, third]  # and after three rounds in vain no more
+    assert searched == [0, 6, 0, 6, 12]
 
 
 def test_below_two_bars_a_mode_that_stands_alone_is_in_doubt() -> None:

@@ -310,10 +310,11 @@ def _completed_in_coloured_errors(state: State) -> tuple[State, Recount]:
     """
     recount = recount_of(state.selection, state.descent)
     rounds = np.zeros(len(state.poles), dtype=int)  # in which each pole was added; zero for those of the diagram
-    examined = np.zeros(0, complex)
-    for k in range(1, _MAX_ROUNDS + 1):
+    k, examined = 0, np.zeros(0, complex)
+    while k < _MAX_ROUNDS and len(examined) < _MAX_IN_VAIN:
+        k += 1
         poles, sides = recount.peaks(_PEAKS_PER_ROUND, examined)
-        if not len(poles) or len(examined) >= _MAX_IN_VAIN:
+        if not len(poles):
             break
         examined = np.append(examined, poles)
         candidates = np.append(state.poles, poles), np.vstack([state.sides, sides])

@@ -208,8 +208,7 @@ def _by_damping(poles: Array) -> IntArray:
     Poles of a grid have one damping but for its rounding, which would mix neighbours with poles of any frequency: they would share all
     lines in place of those near them.
     """
-    damping = np.maximum(-poles.real / np.abs(poles), np.finfo(float).tiny)
-    return np.lexsort((poles.imag, np.floor(np.log2(damping))))
+    return np.lexsort((poles.imag, np.floor(np.log2(np.maximum(-poles.real / np.abs(poles), np.finfo(float).tiny)))))
 
 
 def _filters(response: Response, poles: Array, used: slice) -> tuple[RealArray, RealArray]:
