@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.linalg as sla
 
-from modalscope.analysis.comparing.run import MethodResult
+from modalscope.analysis.comparing.run import MethodResult, alike_sets
 from modalscope.data.modes import ModalModel
 from modalscope.identification.method import Method
 from modalscope.identification.orders import states_each, sufficient_order
@@ -163,9 +163,4 @@ def _map(distances: RealArray) -> RealArray:
 
 
 def _classes(distances: Array) -> tuple[tuple[int, ...], ...]:
-    remaining, classes = list(range(len(distances))), []
-    while remaining:
-        same = tuple(i for i in remaining if distances[remaining[0], i] < SAME)
-        classes.append(same)
-        remaining = [i for i in remaining if i not in same]
-    return tuple(classes)
+    return tuple(map(tuple, alike_sets(range(len(distances)), lambda i, j: bool(distances[i, j] < SAME))))

@@ -13,7 +13,7 @@ from difflib import get_close_matches
 from functools import partial
 from itertools import chain
 from threading import Event, Lock, Thread
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -58,6 +58,7 @@ class Cell:
 #: Minimum number of lines on which influences are computed, and the maximum number of lines that one of them represents.
 _INFLUENCE_LINES, _MAX_LINE_STEP = 2000, 8
 
+Item = TypeVar("Item")
 Progress = Callable[[int, int], None]
 Partial = Callable[["MethodResult"], None]
 
@@ -171,7 +172,7 @@ class _Work:
 
     @property
     def result(self) -> MethodResult:
-        """What the cell found, that of its twin in its own name."""
+        """What the cell found; a twin takes what the other cell found, under its own name."""
         of, method = self.twin or self, self.cell.method
         diagram = of.diagram if of is self or of.diagram is None else of.diagram.changed(method=method.name)
         return MethodResult(
@@ -203,12 +204,12 @@ def _counted(*works: _Work) -> Iterator[None]:
 
 
 class _Group:
-    """Cells that may share a data matrix, its factors, and results that are the same."""
+    """Cells that may share a data matrix, its factors, and results that are the same; `done`: those that were swept."""
 
     def __init__(self) -> None:
         self._built: dict[Any, Built] = {}
         self._factored: dict[tuple[int, Any], Factored] = {}
-        self._done: list[tuple[Sweep, _Work]] = []
+        self.done: list[tuple[Sweep, _Work]] = []
 
     def factored(self, problem: Problem, cell: Cell) -> Factored:
         """Return the factors of a row's data matrix, each made for the first cell that needs them."""
@@ -219,25 +220,13 @@ class _Group:
         return self._factored[key]
 
     def _matrix(self, problem: Problem, cell: Cell) -> Built:
-        """Return a row's data matrix: that of a row which chooses its sizes alike, or of one with the same sizes."""
+        """Return a row's data matrix, which rows that choose their sizes alike, or have the same sizes, share."""
         sizes = problem.method.orders, tuple(sorted(cell.options.items())), cell.orders
         if sizes not in self._built:
             candidate = built(problem, cell.orders[-1])
             same = (b for b in self._built.values() if _same_settings(b.settings, candidate.settings))
             self._built[sizes] = candidate._replace(matrix=next(same, candidate).matrix)
         return self._built[sizes]
-
-    def keep(self, sweep: Sweep, work: _Work) -> None:
-        """Keep a cell with its sweep."""
-        self._done.append((sweep, work))
-
-    def with_poles_of(self, sweep: Sweep) -> Sweep | None:
-        """Return the sweep of a cell that has the same poles at every order; None without one."""
-        return next((other for other, _ in self._done if same_poles(other, sweep)), None)
-
-    def with_modes_of(self, sweep: Sweep) -> _Work | None:
-        """Return a cell that has the same modes at every order; None without one."""
-        return next((work for other, work in self._done if same_modes(other, sweep)), None)
 
 
 def _same_settings(one: Options, other: Options) -> bool:
@@ -304,10 +293,11 @@ def run(
     gathered = Gathered()
     with _pool(workers or min(os.cpu_count() or 1, 4)) as each:
         each(swept_in_group, _grouped(cells, given))
-        own = [work for work in works if work.diagram is not None]
-        sets = _of_same_data(own)
+        own = [(work, work.diagram.as_measured) for work in works if work.diagram is not None]
+        # cells whose data are the same before they were transformed
+        sets = alike_sets(own, lambda one, other: same_data(one[1], other[1]))
         with stage("weighing the candidates of all"):
-            contests = dict(chain(*each(_decided, sets)))
+            contests = dict(chain(*each(_decided, [[work for work, _ in one] for one in sets])))
         tell([work for work in works if work.failure])
 
         def judged(work: _Work) -> None:
@@ -315,7 +305,7 @@ def run(
             tell([other for other in works if work in (other, other.twin)])
 
         with stage("selecting"):
-            each(judged, [work for work in own if not work.failure])
+            each(judged, [work for work, _ in own if not work.failure])
     return tuple(work.result for work in works)
 
 
@@ -361,28 +351,29 @@ def _sweep(work: _Work, group: _Group, progress: Progress, options: dict[str, An
     given = group.factored(problem, cell)
     pipeline = factor(problem, cell.orders[-1]) if given is None else realized(problem, given)
     sweep = over(pipeline, list(cell.orders), automatic=False, indicators=False)
-    work.twin = group.with_modes_of(sweep)
+    work.twin = next((twin for other, twin in group.done if same_modes(other, sweep)), None)
     if work.twin is None:
-        same = group.with_poles_of(sweep)
+        same = next((other for other, _ in group.done if same_poles(other, sweep)), None)
         if same is not None and same.deviating is not None and sweep.deviating is not None:
             sweep.deviating.take_from(same.deviating)
         work.sweep, work.diagram = sweep, swept(sweep, cell.orders, progress=progress)
-        group.keep(sweep, work)
+        group.done.append((sweep, work))
 
 
-def _of_same_data(works: Sequence[_Work]) -> list[list[_Work]]:
-    """Return cells whose data are the same before they were transformed."""
-    sets: list[list[_Work]] = []
-    for work in works:
-        assert work.diagram is not None
-        data = work.diagram.as_measured
-        for others in sets:
-            first = others[0].diagram
-            if first is not None and same_data(first.as_measured, data):
-                others.append(work)
-                break
-        else:
-            sets.append([work])
+def alike_sets(items: Iterable[Item], alike: Callable[[Item, Item], bool]) -> list[list[Item]]:
+    """Return items in sets, each of items that are alike to the first of the set.
+
+    Examples
+    --------
+    >>> alike_sets([1.0, 5.0, 1.1], lambda one, other: abs(one - other) < 0.5)
+    [[1.0, 1.1], [5.0]]
+    """
+    sets: list[list[Item]] = []
+    for item in items:
+        found = next((one for one in sets if alike(one[0], item)), [])
+        if not found:
+            sets.append(found)
+        found.append(item)
     return sets
 
 

@@ -181,12 +181,8 @@ def words(
             lines.append(f"{LEADS.get(t.grade, 'Methods differ on')} {groups[k].frequency:.5g} Hz: {t.why}.")
     for c in data_causes:  # the name of the cause once
         evidence = c.evidence.removesuffix(".")
-        named = evidence.lower().startswith(c.name)
-        lines.append(
-            f"{evidence[:1].upper()}{evidence[1:]}. {c.remedy}"
-            if named
-            else f"{c.name.capitalize()}: {evidence}. {c.remedy}"
-        )
+        named = evidence if evidence.lower().startswith(c.name) else f"{c.name}: {evidence}"
+        lines.append(f"{named[:1].upper()}{named[1:]}. {c.remedy}")
     if failed:
         lines.append(f"{len(failed)} of {len(results)} methods failed: {'; '.join(r.label for r in failed)}.")
     return "\n".join(lines)
