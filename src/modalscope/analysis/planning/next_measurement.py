@@ -1,4 +1,4 @@
-"""What to measure next, so that modes are as sure as they are asked to be (`next_measurement`)."""
+"""What to measure next, so that modes are as sure as you want them (`next_measurement`)."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class Step:
     reached : mapping of str to array (n,)
         Foretold half widths of 95 % intervals, relative ("damping", "frequency"), and the expected MAC ("shape").
     lacking : float
-        The worst of them over what was asked, of the modes that can have it: 1 or less is enough.
+        The worst of them over the wanted values, of the modes that can have it: 1 or less is enough.
     uncertainty : float
         Standard deviation of the logarithm of `lacking` from the noise of a new place, which nobody has measured; else zero.
     """
@@ -98,7 +98,7 @@ class NextMeasurement:
     first : tuple of int
         Numbers of the steps that may be the best: 1, and those that cannot be told from it (80 %) as noise at new places is not known.
     plan : mapping of (kind, place) to int
-        Places that together reach what was asked in little time, and how often each is measured; none where that is not possible.
+        Places that together reach the wanted values in little time, and how often each is measured; none where that is not possible.
     out_of_reach : tuple of str
         What no measurement from the places that are known reaches, and why.
     notes : tuple of str
@@ -117,7 +117,7 @@ class NextMeasurement:
 
     @property
     def reached(self) -> bool:
-        """Whether everything that was asked is reached already, of the modes of which it is known."""
+        """Whether every wanted value is reached already, in the modes that have a deviation."""
         return all(np.any(lack <= 1) and not np.any(lack > 1) for lack in _lacking(self.now, self.asked))
 
     def __str__(self) -> str:
@@ -224,7 +224,7 @@ def next_measurement(
 
 
 def asked_of(ask: str) -> dict[str, float]:
-    """Return what was asked, by its word; a wish that cannot be read is a DataError."""
+    """Return the wanted values by name; raise `DataError` for a wish that cannot be read."""
     found = {}
     for part in re.split(r"[,;]", ask):
         parts = re.fullmatch(r"\s*([a-z]+)\s+(\d*\.?\d+)\s*(%?)\s*", part)
@@ -238,7 +238,7 @@ def asked_of(ask: str) -> dict[str, float]:
 
 
 def _lacking(values: dict[str, RealArray], asked: dict[str, float]) -> list[RealArray]:
-    """Return the values over what was asked, (n,) each: above one is more than that; NaN for what has no value."""
+    """Return the values over the wanted ones, (n,) each: above one is too much; NaN where there is no value."""
     return [
         (1 - values[what]) / (1 - limit) if what == "shape" else values[what] / limit for what, limit in asked.items()
     ]
@@ -317,7 +317,7 @@ class _Test:
         return deviations_foretold(told + longer * self._longer, self.modes.poles)
 
     def _disagreeing(self) -> dict[str, BoolArray]:
-        """Return the modes whose deviation comes from groups that differ by more than noise gives; of a shape those of its frequency.
+        """Return the modes whose deviation comes from groups that differ by more than noise gives; for a shape, as for its frequency.
 
         The widest of noise, lines and groups is stated. Where it is that of groups (outputs, inputs, channels, parts in time, runs), its
         degrees of freedom are one less than their number.
@@ -429,7 +429,7 @@ class _Test:
     def plan(self, every: list[_Candidate], asked: dict[str, float], may: Array) -> dict[_Candidate, int]:
         """Return how often to measure where, one measurement after the other that lowers what is lacking most per minute.
 
-        What is lacking: the mean over modes of the logarithms of what exceeds what was asked.
+        What is lacking: the mean over modes of the logarithms of what exceeds the wanted values.
         """
         plan: dict[_Candidate, int] = {}
         while (lack := self._excess(plan, asked, may)) > 0:
@@ -507,16 +507,11 @@ class _Test:
 def _rests_on(result: Result, planned: Array, reciprocal: bool) -> tuple[str, ...]:
     """Return what a plan rests on."""
     open_ = [f"{f:.5g} Hz" for f in result.modes.frequencies[~planned]]
-    return (
-        "Foretold for the modes of this result: modes that are not detected yet are not planned for.",
-        *((f"No interval, not planned for: {', '.join(open_)}.",) if open_ else ()),
-        *(f"Plan for these first. {note}" for note in result.notes if note.kind == BARE),
-        *(
-            ()
-            if reciprocal
-            else ("What a new place would do is not known without a driving point: measure a force at a sensor once.",)
-        ),
-    )
+    notes = ["Foretold for the modes of this result: modes that are not detected yet are not planned for."]
+    notes += [f"No interval, not planned for: {', '.join(open_)}."] if open_ else []
+    notes += [f"Plan for these first. {note}" for note in result.notes if note.kind == BARE]
+    unknown = "What a new place would do is not known without a driving point: measure a force at a sensor once."
+    return (*notes, *(() if reciprocal else (unknown,)))
 
 
 def scatter_of_noise(levels: RealArray) -> float:

@@ -16,6 +16,7 @@ from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import ComplexArray, RealArray, check_number
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.functions.poles import QUANTITIES
+from modalscope.numerics.orthonormal import most_real
 
 #: Reason and remedy for a mode that is not scaled.
 _UNMOVED_REASON = (
@@ -87,7 +88,7 @@ def scale_by_mass(modes: ModalModel, changed: ModalModel, masses: Mapping[str, f
     work = np.sum(before[:, pairs.first] * added[:, None] * after[:, pairs.second], axis=0)
     squared = own * (w**2 - moved**2) / (moved**2 * np.where(work == 0, np.inf, work))
     good = squared > 0
-    # the deviation of a is that of half the relative change of w_r^2 - w^2
+    # the deviation of a is the deviation of half the relative change of w_r^2 - w^2
     spread = _spread(pairs.a, pairs.first, w) + _spread(pairs.b, pairs.second, moved)
     apart = np.sqrt(spread) / np.abs(w**2 - moved**2)
     kept = pairs.first[good]
@@ -112,8 +113,7 @@ def _masses(masses: Mapping[str, float], outputs: tuple[str, ...]) -> RealArray:
 
 def _real(shapes: ComplexArray) -> RealArray:
     """Return shapes turned as near to the real axis as they come, of length one."""
-    angle = np.angle(np.sum(shapes**2, axis=0)) / 2
-    real = (shapes * np.exp(-1j * angle)).real
+    real = most_real(shapes).real
     return np.asarray(real / np.maximum(np.linalg.norm(real, axis=0), np.finfo(float).tiny))
 
 

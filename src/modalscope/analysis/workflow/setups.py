@@ -80,7 +80,7 @@ def merge_modes(
         One per setup. Shapes are carried over by the outputs that all have.
     responses : sequence of FrequencyResponse or ImpulseResponse, optional
         What each was measured as: the parts of the shapes are then fitted to these by least squares with the poles of all modes, also
-        where a setup lacks a mode. Without them they are those of the results, and a mode that a setup lacks is left out.
+        where a setup lacks a mode. Without them the frequencies of the results are used, without the modes that a setup lacks.
     tolerance : float
         Largest relative distance of frequencies of one mode.
     groups : sequence of labels, "auto" or None
@@ -183,10 +183,8 @@ def _together(parts: Sequence[ModalModel], common: tuple[str, ...], tolerance: f
 def _values(mode: _Mode, parts: Sequence[ModalModel], name: str) -> tuple[RealArray, RealArray, RealArray | None]:
     """Return what the setups give, the weights of their mean, and their variances where all are known."""
     x = np.array([getattr(parts[j], name)[i] for j, i in mode.items()])
-    std = [getattr(parts[j], f"{name}_std") for j in mode]
-    if any(each is None for each in std):
-        return x, np.full(x.size, 1 / x.size), None
-    variance = np.array([each[i] ** 2 for each, i in zip(std, mode.values(), strict=True)])
+    stated = [(getattr(parts[j], f"{name}_std"), i) for j, i in mode.items()]
+    variance = np.array([np.nan if std is None else std[i] ** 2 for std, i in stated])
     if not np.all(np.isfinite(variance) & (variance > 0)):
         return x, np.full(x.size, 1 / x.size), None
     return x, 1 / variance / np.sum(1 / variance), variance

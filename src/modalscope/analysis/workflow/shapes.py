@@ -20,6 +20,7 @@ from modalscope.numerics.checks import Array, ComplexArray, RealArray, optional_
 from modalscope.numerics.errors import DataError
 from modalscope.numerics.functions.pole_basis import ModalBasis, residual_powers, scaled_least_squares, scaled_terms
 from modalscope.numerics.functions.poles import QUANTITIES
+from modalscope.numerics.orthonormal import most_real
 
 
 def free_residues(basis: ModalBasis) -> ComplexArray:
@@ -234,8 +235,7 @@ def _given_rows(modes: ModalModel, response: FrequencyResponse, kind: str) -> Co
     if kind == "complex":
         return modes.participation
     # turned to the real axis, where a mode of proportional damping has it but for a common factor
-    angle = np.angle(np.sum(modes.participation**2, axis=1)) / 2
-    return np.asarray((modes.participation * np.exp(-1j * angle)[:, None]).real.astype(complex))
+    return np.asarray(most_real(modes.participation.T).T.real, dtype=complex)
 
 
 def _free_rows(basis: ModalBasis, groups: list[Array]) -> tuple[list[int], ComplexArray]:
