@@ -145,14 +145,12 @@ def _check_directory(path: Path, space: Room) -> None:
     with path.open("rb") as file:
         file.seek(max(0, space.size - _BYTES_OF_END))
         tail = file.read()
-    at = tail.rfind(b"PK\5\6")
-    if 0 <= at <= len(tail) - 20:
-        space.parts(
-            "bytes in its list of members", struct.unpack_from("<I", tail, at + 12)[0] % 0xFFFFFFFF, _BYTES_OF_DIRECTORY
-        )
-    at = tail.rfind(b"PK\6\6")  # archives over 4 GB have a longer one, too
-    if 0 <= at <= len(tail) - 48:
-        space.parts("bytes in its list of members", struct.unpack_from("<Q", tail, at + 40)[0], _BYTES_OF_DIRECTORY)
+    # archives over 4 GB have a longer one, too, and the largest number in the other
+    for mark, place, form, none in ((b"PK\5\6", 12, "<I", 0xFFFFFFFF), (b"PK\6\6", 40, "<Q", 0)):
+        at = tail.rfind(mark)
+        if 0 <= at <= len(tail) - place - 8:
+            size = struct.unpack_from(form, tail, at + place)[0]
+            space.parts("bytes in its list of members", 0 if size == none else size, _BYTES_OF_DIRECTORY)
 
 
 def write(path: Path, thing: ArrayData | StabilizationDiagram, options: Options) -> None:

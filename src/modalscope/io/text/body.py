@@ -34,6 +34,8 @@ _LINES_OF_PIECE, _MAX_LINES_OF_FOOT = 20_000, 20
 CHARACTERS_SHOWN = 20
 #: Signs, or blanks, with which a comment may begin.
 _FIRST_OF_COMMENT = frozenset("#%/! \t")
+#: Kind of a column -> whether a cell is of that kind, in the order in which they are tried.
+_KINDS = {"stamp": is_stamp, "complex": is_complex, "number": is_number}
 
 
 def kinds_of(rows: Sequence[Sequence[str]]) -> list[str]:
@@ -49,14 +51,8 @@ def kinds_of(rows: Sequence[Sequence[str]]) -> list[str]:
     kinds = []
     for cells in zip(*rows, strict=True):
         present = [cell for cell in cells if not is_missing(cell)]
-        if not present:
-            kinds.append("empty")
-        elif 2 * sum(map(is_stamp, present)) >= len(present):
-            kinds.append("stamp")
-        elif 2 * sum(map(is_complex, present)) >= len(present):
-            kinds.append("complex")
-        else:
-            kinds.append("number" if 2 * sum(map(is_number, present)) >= len(present) else "text")
+        most = (kind for kind, is_one in _KINDS.items() if 2 * sum(map(is_one, present)) >= len(present))
+        kinds.append(next(most, "text") if present else "empty")
     return kinds
 
 
@@ -75,7 +71,7 @@ def read_body(
 
     Remarks, the header again, a last line that is cut short and lines under the table are ignored and counted.
 
-    `lines`: the body, each line with its number. `kinds`: those of the columns. `width`: cells in a row. `head`: the lines above it.
+    `lines`: the body, each line with its number. `kinds`: of the columns. `width`: cells in a row. `head`: the lines above it.
     `whole`: whether every line is to be a row, so that nothing is read behind the first that is none.
 
     Raises `DataError`: a row of another length, or a cell that holds something else than its column.

@@ -157,11 +157,13 @@ def in_si(function: Function) -> Function:
     return replace(function, unit=function.unit or unit, unit_in=function.unit_in or unit_in)
 
 
-def matrix(pairs: dict[Pair, Function], outputs: Sequence[str], inputs: Sequence[str]) -> dict[str, Any]:
-    """Return values (points, outputs, inputs), labels and units of a complete matrix."""
+def matrix(group: list[Function], out: Sorted, repeated: str | None) -> dict[str, Any]:
+    """Return values (points, outputs, inputs), labels and units of the largest complete matrix of responses on one axis."""
+    pairs = by_pair(group, out, repeated)
+    outputs, inputs = complete_block(pairs, out)
     values = np.stack([np.stack([pairs[o, i].values for i in inputs], axis=-1) for o in outputs], axis=1)
-    pair = [pairs[o, inputs[0]].unit for o in outputs], [pairs[outputs[0], i].unit_in for i in inputs]
-    return {"values": values, "output_dofs": tuple(outputs), "input_dofs": tuple(inputs), "units": pair}
+    units = [pairs[o, inputs[0]].unit for o in outputs], [pairs[outputs[0], i].unit_in for i in inputs]
+    return {"values": values, "output_dofs": tuple(outputs), "input_dofs": tuple(inputs), "units": units}
 
 
 def kind_of(function: Function) -> str:
@@ -181,13 +183,11 @@ def sort_frequency(
     """Make one matrix of frequency responses, with the coherence where it is complete."""
     out = Sorted(room=space)
     group = largest_group(functions, out, options.get("quantity"), by_quantity=True)
-    pairs = by_pair(group, out, options.get("repeated"))
-    outputs, inputs = complete_block(pairs, out)
-    fields = matrix(pairs, outputs, inputs)
+    fields = matrix(group, out, options.get("repeated"))
     quantity = QUANTITY_OF.get(group[0].quantity)
     if quantity is None and options.get("quantity") is None:
         out.notes.append("the quantity of the responses is not known: give quantity= when it matters")
-    coherence = _coherence(coherences, group[0], outputs, inputs, out)
+    coherence = _coherence(coherences, group[0], fields["output_dofs"], fields["input_dofs"], out)
     out.thing = FrequencyResponse(frequencies=group[0].x, quantity=quantity, coherence=coherence, **fields)
     return out
 
@@ -258,9 +258,7 @@ def sort_impulse(functions: Sequence[Function], options: dict[str, Any], space: 
         if kind in kinds and (other_kind := _impulse_kind(other)) != kind:
             out.left[other.place] = f'it is a {other_kind} response; expected {kind}: kind="{other_kind}" reads it'
     group = largest_group(_evenly(chosen, out, "impulse responses"), out, options.get("quantity"), by_quantity=True)
-    pairs = by_pair(group, out, options.get("repeated"))
-    outputs, inputs = complete_block(pairs, out)
-    fields = matrix(pairs, outputs, inputs)
+    fields = matrix(group, out, options.get("repeated"))
     rate, x = _rate_of(group[0], out) or 0.0, group[0].x
     start = round(float(x[0]) * rate)
     apart, values = kind in ("correlation", "pulse"), fields.pop("values").real

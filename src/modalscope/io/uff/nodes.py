@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Any
@@ -46,13 +46,7 @@ def add_block(parts: Parts, block: Block, name: str) -> str:
     """Add one geometry set to the parts, and say what it contains."""
     where = f"{block.name} of {name}"
     try:
-        if block.dataset in (15, 2411):
-            return _read_nodes(parts, block, where)
-        if block.dataset == 82:
-            return _read_trace(parts, block, where)
-        if block.dataset == 2412:
-            return _read_elements(parts, block, where)
-        return _read_systems(parts, block, where)
+        return READERS[block.dataset](parts, block, where)
     except StopIteration:
         raise _short(where) from None
 
@@ -141,8 +135,17 @@ def _read_systems(parts: Parts, block: Block, where: str) -> str:
     return f"{count} coordinate systems"
 
 
+#: Dataset of a part of the geometry -> what reads it.
+READERS: dict[int, Callable[[Parts, Block, str], str]] = {
+    **dict.fromkeys((15, 2411), _read_nodes),
+    82: _read_trace,
+    2412: _read_elements,
+    2420: _read_systems,
+}
+
+
 def geometry_of(parts: Parts, labels: Iterable[str] = ()) -> tuple[Geometry | None, list[str]]:
-    """Return the geometry of the parts with the motions of the labels, and notes on what was left out.
+    """Return the geometry of the parts with the motions of the labels, and notes on what is not used.
 
     Nodes of dataset 2411 (double precision) go before those of 15. Coordinates of a Cartesian definition system are turned
     into global ones, x = R' x_local + t with the rows of R as local axes; a node's displacement system gives the

@@ -12,13 +12,12 @@ from modalscope.io.limits import Room, room
 from modalscope.io.uff.function import Function, read_function
 from modalscope.io.uff.layout import DAMAGED, Field, number, parse
 from modalscope.io.uff.matrix import Sorted, in_si, kind_of, sort_frequency, sort_impulse, sort_records
-from modalscope.io.uff.nodes import Parts, add_block, geometry_of
+from modalscope.io.uff.nodes import READERS, Parts, add_block, geometry_of
 from modalscope.io.uff.scan import Block, scan
 from modalscope.io.uff.shapes import Shape, modes_of, read_shape
 from modalscope.numerics.errors import check_choice
 
 _WANTS = ("frequency response", "impulse response", "records", "modes", "geometry")
-_GEOMETRY = (15, 82, 2411, 2412, 2420)
 _SHAPES = (55, 2414)
 _UNITS = (Field("code", 10, "i"), Field("description", 20, "a"), Field("temperature", 10, "i"))
 _SI = 1
@@ -81,7 +80,7 @@ def _add(sets: _Sets, name: str, block: Block) -> None:
         function = read_function(name, block)
         sets.functions.append(function)
         sets.words[place] = function.words
-    elif block.dataset in _GEOMETRY:
+    elif block.dataset in READERS:
         sets.words[place] = add_block(sets.geometry, block, name)
         sets.of_geometry.append(place)
     elif block.dataset in _SHAPES:
