@@ -101,11 +101,9 @@ class RecordSpectra(Response):
 
     def in_plane(self, poles: Array) -> ComplexArray:
         """Return poles in the plane of the points."""
-        return (
-            np.asarray(poles, dtype=complex)
-            if self.sampling_rate is None
-            else to_discrete(poles, 1 / self.sampling_rate)
-        )
+        if self.sampling_rate is None:
+            return np.asarray(poles, dtype=complex)
+        return to_discrete(poles, 1 / self.sampling_rate)
 
     def chain(self, poles: Array) -> ComplexArray:
         """Return d p / d s of poles p in the plane of the points."""

@@ -384,18 +384,15 @@ def as_records(data: Any) -> Records:
 
     Raises `DataError`: anything else, or runs that do not belong together.
     """
-    if isinstance(data, Records):
-        return data
-    given = (data,) if isinstance(data, Signals) else check_each("records", data, "Signals, Records, or a list of them")
+    given = (
+        (data,)
+        if isinstance(data, (Signals, Records))
+        else check_each("records", data, "Signals, Records, or a list of them")
+    )
     for part in given:
         check_kind("each of the records", part, (Signals, Records))
-    if len(given) == 1:
-        part = given[0]
-        return (
-            Records(runs=part.recordings, source_path=part.source_path)
-            if isinstance(part, Signals)
-            else as_records(part)
-        )
+    if len(given) == 1 and isinstance(given[0], Records):
+        return given[0]
     return Records(runs=tuple(run for part in given for run in part.recordings))
 
 

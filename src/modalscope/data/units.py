@@ -82,22 +82,8 @@ _UNITS = {unit: (kind, si, factor) for kind, (si, units) in FACTORS.items() for 
 #: Maximum number of characters of a unit that are read.
 _MAX_UNIT_LENGTH = 400
 
-_SIGNS = str.maketrans(
-    {
-        "²": "2",
-        "³": "3",
-        "⁻": "-",
-        "¹": "1",
-        "µ": "u",
-        "μ": "u",
-        "·": "*",
-        "⋅": "*",
-        "×": "*",
-        "ε": "epsilon",
-        "^": "",
-        " ": "",
-    }
-)
+#: Signs of one meaning, and (last) signs that say nothing.
+_SIGNS = str.maketrans("²³⁻¹µμ·⋅×", "23-1uu***", "^ ")
 
 #: A sensitivity, such as 100 mV/g: the channel is in mV, of which so many are one g.
 _SENSITIVITY = re.compile(r"^(?P<number>\d+\.?\d*(?:[eE][-+]?\d+)?|\.\d+)(?P<signal>mV|V|uV|pC)/(?P<unit>.+)$")
@@ -129,7 +115,9 @@ def plain_unit(unit: str) -> str:
     >>> plain_unit("m / s²"), plain_unit("[m/s^2]"), plain_unit("µm/m"), plain_unit("°")
     ('m/s2', 'm/s2', 'um/m', 'deg')
     """
-    text = unit.strip()[:_MAX_UNIT_LENGTH].replace("**", "").translate(_SIGNS).replace("°", "deg")
+    text = (
+        unit.strip()[:_MAX_UNIT_LENGTH].replace("**", "").translate(_SIGNS).replace("°", "deg").replace("ε", "epsilon")
+    )
     while len(text) > 1 and text[0] + text[-1] in ("[]", "()", "<>", "{}"):
         text = text[1:-1]
     return re.sub(r"\(([^()]*)\)", r"\1", text) if text.count("/") < 3 else text
@@ -252,11 +240,8 @@ def _notes(data: Channels) -> tuple[Note, ...]:
     moved = {dof: kind for dof, unit in zip(data.input_dofs, data.units[1], strict=True) if (kind := motion_of(unit))}
     if moved:
         plain = "dimensionless " * ({motion_of(unit) for unit in data.units[0]} == set(moved.values()))
-        named = (
-            f"Inputs {list_some(tuple(moved))} are motions"
-            if len(moved) > 1
-            else f"Input {next(iter(moved))} is a motion"
-        )
+        inputs = list_some(tuple(moved))
+        named = f"Inputs {inputs} are motions" if len(moved) > 1 else f"Input {inputs} is a motion"
         text = f"{named}: responses are {plain}transmissibilities, and their poles those of the structure held at that point"
         notes.append(Note("motion", {"inputs": len(moved)}, text))
     return tuple(notes)

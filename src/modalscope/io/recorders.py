@@ -178,13 +178,8 @@ def read_wav(path: Path, options: Options) -> Contents:
 
     space = room(path.name, path.stat().st_size)
     space.take("its samples", 4 * space.size)  # a sample of two bytes becomes a number of eight
-    with (
-        damage_as_error(
-            f"{path.name} as a sound file", "Export it as uncompressed WAV (PCM or floating point), or as text."
-        ),
-        FILTERS_OF_WARNINGS,
-        warnings.catch_warnings(),
-    ):
+    remedy = "Export it as uncompressed WAV (PCM or floating point), or as text."
+    with damage_as_error(f"{path.name} as a sound file", remedy), FILTERS_OF_WARNINGS, warnings.catch_warnings():
         warnings.simplefilter("error", wavfile.WavFileWarning)
         warnings.filterwarnings("ignore", "Chunk .*not understood", wavfile.WavFileWarning)
         try:

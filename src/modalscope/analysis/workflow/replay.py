@@ -102,12 +102,10 @@ def _named(files: tuple[SourceFile, ...], force: bool) -> list[str]:
     Raises `DataError`: a path or a hash is missing, or the hash of a file is another.
     """
     if not all(file.path and file.sha256 for file in files):
-        have = (
-            "its document names no file"
-            if not all(file.path for file in files)
-            else "its document has no hash of the file"
+        lacks = "has no hash of the file" if all(file.path for file in files) else "names no file"
+        raise DataError(
+            "a replay needs the data of the analysis", f"its document {lacks}", "Give the data: replay(document, data)."
         )
-        raise DataError("a replay needs the data of the analysis", have, "Give the data: replay(document, data).")
     paths = [file.path for file in files]
     # what is missing or no file of data is refused by the reader, in its words
     if not force and all(is_data(Path(path)) for path in paths):

@@ -299,13 +299,10 @@ def _wireframe(
     sign = np.sign((largest @ along)[np.argmax(np.abs(largest @ along))]) or 1.0
     signed = np.linalg.norm(motion, axis=1) / most if size else sign * (motion @ along) / most
     lines, faces, shown = thinned(geometry, measured)
-    live = lines[measured[lines].any(axis=1)] if len(lines) else lines
-    if len(faces):
-        faces = faces[np.argsort((geometry.coordinates @ view.depth)[faces].mean(axis=1), kind="stable")]
+    live = lines[measured[lines].any(axis=1)]
+    faces = faces[np.argsort((geometry.coordinates @ view.depth)[faces].mean(axis=1), kind="stable")]
     items: list[Item] = [
-        Areas(moved[faces], strength=0.6, tones=signed[faces].mean(axis=1))
-        if len(faces)
-        else Areas(np.zeros((0, 3, 2))),
+        Areas(moved[faces], strength=0.6, tones=signed[faces].mean(axis=1)),
         strokes(rest[lines], width=0.9),
         strokes(np.stack([rest[shown], moved[shown]], axis=1), dashed=True),
         strokes(moved[live], width=2.0, tones=signed[live]),
