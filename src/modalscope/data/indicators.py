@@ -59,8 +59,6 @@ def repeated(poles: ArrayLike, width: float = 2e-3) -> list[Array]:
     """
     s = np.asarray(poles, dtype=np.complex128)
     some = _alike_in_size(s, width)
-    if not some.size:
-        return []
     near = np.abs(s[some, None] - s[some]) <= width * np.maximum(np.abs(s[some, None]), np.abs(s[some]))
     first, before = np.arange(some.size), None  # the first member of each pole's group, as far as chains are followed
     while before is None or np.any(first != before):

@@ -122,18 +122,12 @@ class Signals(Sampled, Convertible):
     groups: Groups = AUTO
 
     def __post_init__(self) -> None:
-        outputs = real_array(
-            "outputs", one_channel(self.outputs), "(samples, outputs) or (runs, samples, outputs)", (2, 3)
-        )
-        inputs = None
-        if self.inputs is not None:
-            inputs = real_array(
-                "inputs", one_channel(self.inputs), "(samples, inputs) or (runs, samples, inputs)", (2, 3)
-            )
-            if inputs.shape[:-1] != outputs.shape[:-1]:
-                fault = f"the shapes are {outputs.shape} and {inputs.shape}"
-                remedy = "Cut both to the same samples; the last axis counts channels."
-                raise DataError("outputs and inputs need the same runs and samples", fault, remedy)
+        outputs = _samples_of("outputs", self.outputs)
+        inputs = None if self.inputs is None else _samples_of("inputs", self.inputs)
+        if inputs is not None and inputs.shape[:-1] != outputs.shape[:-1]:
+            fault = f"the shapes are {outputs.shape} and {inputs.shape}"
+            remedy = "Cut both to the same samples; the last axis counts channels."
+            raise DataError("outputs and inputs need the same runs and samples", fault, remedy)
         if outputs.shape[-2] < 2 or 0 in outputs.shape or (inputs is not None and 0 in inputs.shape):
             raise DataError("a record needs two samples", f"its shape is {outputs.shape}", "Measure a longer one.")
         runs = 1 if outputs.ndim == 2 else outputs.shape[0]
@@ -192,6 +186,11 @@ class Signals(Sampled, Convertible):
     def _arrays(self, outputs: list[int], inputs: list[int]) -> dict[str, Any]:
         chosen = None if self.inputs is None or not inputs else np.ascontiguousarray(self.inputs[..., inputs])
         return {"outputs": np.ascontiguousarray(self.outputs[..., outputs]), "inputs": chosen}
+
+
+def _samples_of(side: str, values: Any) -> RealArray:
+    """Return the samples of the outputs or of the inputs, checked."""
+    return real_array(side, one_channel(values), f"(samples, {side}) or (runs, samples, {side})", (2, 3))
 
 
 class SeveralRecords(Shown, Convertible):
@@ -384,13 +383,10 @@ def as_records(data: Any) -> Records:
 
     Raises `DataError`: anything else, or runs that do not belong together.
     """
-    given = (
-        (data,)
-        if isinstance(data, (Signals, Records))
-        else check_each("records", data, "Signals, Records, or a list of them")
-    )
+    kinds = (Signals, Records)
+    given = (data,) if isinstance(data, kinds) else check_each("records", data, "Signals, Records, or a list of them")
     for part in given:
-        check_kind("each of the records", part, (Signals, Records))
+        check_kind("each of the records", part, kinds)
     if len(given) == 1 and isinstance(given[0], Records):
         return given[0]
     return Records(runs=tuple(run for part in given for run in part.recordings))

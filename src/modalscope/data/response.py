@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
-from typing import Any, NamedTuple, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 
@@ -56,6 +56,10 @@ class Response(Channels, Convertible):
     quantity: str | None = None
     added_damping: float = 0.0
     groups: Groups = AUTO
+    #: Whether the response as lines loses nothing.
+    exact_lines: ClassVar[bool] = False
+    #: Whether the contribution of a pole is the same function for all inputs.
+    separable: ClassVar[bool] = True
 
     @property
     @abstractmethod
@@ -95,11 +99,6 @@ class Response(Channels, Convertible):
     @property
     def exact_samples(self) -> bool:
         """Whether the response as samples loses nothing."""
-        return False
-
-    @property
-    def exact_lines(self) -> bool:
-        """Whether the response as lines loses nothing."""
         return False
 
     @property
@@ -195,11 +194,6 @@ class Response(Channels, Convertible):
     def drives(self) -> int:
         """Length of the participation of a pole: one number per input."""
         return len(self.input_dofs)
-
-    @property
-    def separable(self) -> bool:
-        """Whether the contribution of a pole is the same function for all inputs."""
-        return True
 
     @property
     def column_word(self) -> str:

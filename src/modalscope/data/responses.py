@@ -538,9 +538,7 @@ class FrequencyResponse(Response):
 
     def of_modes(self, modes: ModeFields) -> Array:
         """Return the response of modes on these lines; see `Response.of_modes`."""
-        if not modes.residual_terms:
-            return values_on_lines(modes, self.frequencies)
-        values = values_on_lines(modes, self.frequencies, terms=False)
+        values = values_on_lines(modes, self.frequencies, terms=not modes.residual_terms)
         for terms in modes.residual_terms:
             values += terms.on_lines(self.frequencies)
         return values

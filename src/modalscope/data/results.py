@@ -42,7 +42,7 @@ class Settings:
     factorization: str = "auto"
 
     def keys(self) -> Iterator[str]:
-        """Return the names of the options that are set."""
+        """Return the names of the options that have a value."""
         return (f.name for f in fields(self) if getattr(self, f.name) is not None)
 
     def __iter__(self) -> Iterator[str]:

@@ -211,13 +211,13 @@ def _model(rows: list[Mapping[str, Any]], data: Mapping[str, Any], **fields: Any
     return ModalModel(
         poles=np.array([_pole(row) for row in rows], dtype=complex),
         shapes=shapes,
-        shapes_std=np.array([_numbers(entry) for entry in std]).T if rows and all(std) else None,
-        degrees=np.array([_numbers(entry) for entry in degrees]) if rows and all(degrees) else None,
+        shapes_std=np.array([numbers(entry) for entry in std]).T if rows and all(std) else None,
+        degrees=np.array([numbers(entry) for entry in degrees]) if rows and all(degrees) else None,
         participation=np.array([_complex(entry) for entry in participation]) if complete else None,
         output_dofs=tuple(outputs),
         input_dofs=tuple(entries(data.get("input_dofs") or ())) if complete else (),
         processing=tuple(entries(data.get("processing") or ())),
-        indicators={name: _numbers([mapping(row["indicators"])[name] for row in rows]) for name in names},
+        indicators={name: numbers([mapping(row["indicators"])[name] for row in rows]) for name in names},
         reasons=tuple(row.get("reasons") or {} for row in rows) if any(row.get("reasons") for row in rows) else (),
         **columns,
         **fields,
@@ -234,10 +234,6 @@ def _pole(row: Mapping[str, Any]) -> complex:
     return complex(poles_from(number(row["frequency_hz"]), number(row["damping_ratio"])))
 
 
-def _numbers(values: Any) -> RealArray:
-    return np.array([np.nan if value is None else number(value) for value in entries(values)])
-
-
 def _column(rows: list[Mapping[str, Any]], key: str) -> RealArray | None:
     values = [row.get(key) for row in rows]
-    return None if all(value is None for value in values) else _numbers(values)
+    return None if all(value is None for value in values) else numbers(values)

@@ -189,7 +189,7 @@ def _settings(c: Comparison) -> Section:
     rows, told = [], dict[str, list[str]]()
     for r in c.results:
         if r.diagram is not None:
-            options = ", ".join(f"{k} {v}" for k, v in r.diagram.settings.items() if v is not None)
+            options = ", ".join(f"{k} {v}" for k, v in r.diagram.settings.items())
             rows.append([r.label, options])
             for note in map(str, r.diagram.notes):
                 told.setdefault(note, []).append(r.label)

@@ -174,7 +174,7 @@ def _channels(response: Response) -> str:
 def settings_section(found: StabilizationDiagram | Identification, orders: Mapping[str, str]) -> Section:
     """List the method, its orders and its options."""
     facts = {"method": cell_label(found.method, found.domain), "domain": found.domain, **orders}
-    facts |= {heading(key): value(key, content) for key, content in found.settings.items() if content is not None}
+    facts |= {heading(key): value(key, content) for key, content in found.settings.items()}
     tolerances = getattr(found, "tolerances", {})
     facts |= {f"tolerance, {name}": value(name, limit) for name, limit in tolerances.items()}
     return Section("settings", "Settings", listing(facts.items()))

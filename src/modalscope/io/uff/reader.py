@@ -63,11 +63,9 @@ def read(path: Path, options: Options) -> Contents:
         geometry, more = geometry_of(sets.geometry, dict.fromkeys(labels))
         notes += more
         thing = thing if geometry is None else replace(thing, geometry=geometry)
-        for place in sets.of_geometry:
-            if geometry is None:
-                sets.left[place] = "it makes no geometry without nodes"
-            else:
-                sets.taken.add(place)
+        if geometry is None:
+            sets.left |= dict.fromkeys(sets.of_geometry, "it makes no geometry without nodes")
+        sets.taken |= set(sets.of_geometry)
     notes, missing = list(dict.fromkeys(notes)), tuple(result.missing)
     return Contents(thing=thing, found=_findings(sets), missing=missing, notes=tuple(notes))
 
