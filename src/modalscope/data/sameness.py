@@ -124,8 +124,6 @@ def same_modes(a: ModalModel, b: ModalModel) -> tuple[IntArray, IntArray]:
 
 def likeliest(log_ratio: RealArray) -> tuple[IntArray, IntArray]:
     """Return rows and columns of the pairs above zero with the largest sum, each row and column at most once."""
-    if not log_ratio.size:
-        return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp)
     rows, columns = assign(-np.maximum(log_ratio, 0.0))
     kept = log_ratio[rows, columns] > 0
     return rows[kept], columns[kept]

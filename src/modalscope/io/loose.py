@@ -103,7 +103,7 @@ def points_of(array: Array) -> list[tuple[str, Array]] | None:
     The longest axis counts samples; that of two or three entries directions. Points move together, of runs each by itself: the largest
     singular value of the channels holds twice the energy that it would hold of runs.
     """
-    if array.ndim != 3 or array.dtype.kind not in "biuf" or not np.isfinite(array).all():
+    if array.ndim != 3 or array.dtype.kind not in "biuf":
         return None
     at = int(np.argmax(array.shape))
     rest = np.moveaxis(array, at, 0)

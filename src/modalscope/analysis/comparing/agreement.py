@@ -72,7 +72,7 @@ def pair(results: Sequence[MethodResult], kin: Kinship) -> tuple[tuple[Group, ..
     `kin`: methods that are the same on these data have one vote together.
     """
     kept = [r for r in results if r.modes is not None]
-    if not kept or not sum(len(r.modes) for r in kept if r.modes is not None):
+    if not sum(len(r.modes) for r in kept if r.modes is not None):
         return (), ()
     flat = _flatten(kept)
     votes = _voters(kept, kin)

@@ -155,7 +155,5 @@ def chance(gain: RealArray, i: int, j: int) -> float:
 
 def _best(gain: RealArray) -> float:
     """Return the largest sum of log ratios of pairs, each track and mode at most once."""
-    if not gain.size:
-        return 0.0
     positive = np.maximum(gain, 0)
     return float(positive[assign(-positive)].sum())

@@ -306,11 +306,9 @@ class _Follower:
             return np.full((active.size, len(found)), -np.inf), every
         gain, second = gains(view, found, self.nothing)
         rows = np.flatnonzero((gain > 0).any(axis=1))
-        columns = rows[:0]
-        if rows.size:
-            i, columns = assign(-np.maximum(gain[rows], 0))
-            kept = gain[rows[i], columns] > 0
-            rows, columns = rows[i[kept]], columns[kept]
+        i, columns = assign(-np.maximum(gain[rows], 0))
+        kept = gain[rows[i], columns] > 0
+        rows, columns = rows[i[kept]], columns[kept]
         # a mode beside the one that its track has, as rare as a spoilt one
         second = second + np.log(SPOILT)
         second[np.delete(np.arange(active.size), rows)] = -np.inf

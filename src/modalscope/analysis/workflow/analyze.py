@@ -221,8 +221,6 @@ def _bands(band: Any) -> tuple[tuple[float, float], ...]:
 
 def _excluded(data: Any, document: Analysis) -> set[str]:
     """Return the labels of the excluded channels, whose findings need no answer any more."""
-    if not document.exclude:
-        return set()
     rows, columns = choose_channels(data.output_dofs, data.input_dofs, None, None, document.exclude)
     kept = {*(data.output_dofs[i] for i in rows), *(data.input_dofs[i] for i in columns)}
     return {*data.output_dofs, *data.input_dofs} - kept

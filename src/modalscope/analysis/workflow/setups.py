@@ -226,8 +226,6 @@ def _between(x: RealArray, labels: list[str]) -> float:
 
 def _residues(response: Response, poles: ComplexArray) -> ComplexArray:
     """Return the shapes of modes with these poles in a response, (l, n): leading vectors of the residues by least squares."""
-    if not poles.size:
-        return np.zeros((len(response.output_dofs), 0), dtype=complex)
     residues = free_residues(response.basis(poles, response.outside_powers))
     return np.linalg.svd(residues, full_matrices=False)[0][:, :, 0].T
 

@@ -152,10 +152,7 @@ def geometry_of(parts: Parts, labels: Iterable[str] = ()) -> tuple[Geometry | No
     directions of its labels.
     """
     notes: list[str] = []
-    if not parts.nodes:
-        return None, notes
-    dataset = 2411 if parts.nodes.get(2411) else min(parts.nodes)
-    nodes = parts.nodes[dataset]
+    nodes = parts.nodes.get(2411) or parts.nodes.get(15)
     if not nodes:
         return None, notes
     if len(parts.nodes) > 1:
