@@ -112,15 +112,15 @@ def plain_unit(unit: str) -> str:
 
     Examples
     --------
-    >>> plain_unit("m / s²"), plain_unit("[m/s^2]"), plain_unit("µm/m"), plain_unit("°")
-    ('m/s2', 'm/s2', 'um/m', 'deg')
+    >>> plain_unit("m / s²"), plain_unit("[m/s^2]"), plain_unit("(m/s²)/(N)"), plain_unit("°")
+    ('m/s2', 'm/s2', 'm/s2/N', 'deg')
     """
-    text = (
-        unit.strip()[:_MAX_UNIT_LENGTH].replace("**", "").translate(_SIGNS).replace("°", "deg").replace("ε", "epsilon")
-    )
+    signs = unit.strip()[:_MAX_UNIT_LENGTH].replace("**", "").translate(_SIGNS)
+    text = signs.replace("°", "deg").replace("ε", "epsilon")
+    text = re.sub(r"\(([^()]*)\)", r"\1", text) if text.count("/") < 3 else text
     while len(text) > 1 and text[0] + text[-1] in ("[]", "()", "<>", "{}"):
         text = text[1:-1]
-    return re.sub(r"\(([^()]*)\)", r"\1", text) if text.count("/") < 3 else text
+    return text
 
 
 @cache

@@ -355,11 +355,11 @@ def matrix_of(where: str, responses: Responses) -> tuple[Any, Any, Any, Array]:
 
 
 def _unit_pair(unit: str) -> tuple[str, str]:
-    """Return the units of output and input in that of a ratio, `m/s2/N` or `(m/s^2)/N`."""
+    """Return the units of output and input in that of a ratio, `m/s2/N` or `(m/s^2)/(N)`."""
     above, slash, below = unit.strip().rpartition("/")
     if slash and kind_of_unit(below) == "force":
         bare = above.strip()
-        return (bare[1:-1] if bare.startswith("(") and bare.endswith(")") else bare), below.strip()
+        return (bare[1:-1] if bare.startswith("(") and bare.endswith(")") else bare), below.strip("() ")
     return ("", "") if is_decibel("", unit) else (unit, "")
 
 

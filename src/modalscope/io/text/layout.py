@@ -294,10 +294,11 @@ def _by_place(line: str, places: Places) -> list[str]:
 
 
 def _bare(cell: str) -> str:
-    """Return the unit in a cell of a row of units."""
+    """Return the unit in a cell of a row of units, without brackets around all of it: (m/s2)/(N) has none."""
     text = cell.strip()
-    while len(text) > 1 and text[0] + text[-1] in ("[]", "()", "<>", "{}"):
-        text = text[1:-1].strip()
+    for opening, closing in ("[]", "()", "<>", "{}"):
+        if text[:1] + text[-1:] == opening + closing and text.find(opening, 1, -1) <= text.find(closing, 1, -1):
+            text = text[1:-1].strip()
     return "" if is_missing(text) else text
 
 
@@ -317,9 +318,8 @@ def _units_after(cells: Sequence[str]) -> int | None:
         and (len(filled) > 1 or len(cells) == 1 or bracketed or filled[0] not in AMBIGUOUS_UNITS)
     ):
         return 0
-    strong = [
-        cell for cell in units if kind_of_unit(_bare(cell)) not in ("", "none") and _bare(cell) not in AMBIGUOUS_UNITS
-    ]
+    plain = (cell for cell in units if _bare(cell) not in AMBIGUOUS_UNITS)
+    strong = [cell for cell in plain if kind_of_unit(_bare(cell)) not in ("", "none")]
     named = any(meanings_of(cell) for cell in filled if cell not in units)
     if strong and len(filled) > 1 and 2 * len(units) > len(filled) and not named:
         return 0  # of some the unit is not known
