@@ -6,7 +6,7 @@ import multiprocessing
 import os
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -25,6 +25,9 @@ SETTLED = 2.0
 
 #: Seconds that the time of a record may be ahead of the clock: a day, as names of files have the time of any zone.
 _AHEAD_OF_CLOCK = 86_400.0
+
+#: Records given to workers ahead of what they have done, for each of them: memory does not grow with the folder.
+_AHEAD = 2
 
 
 class Task(NamedTuple):
@@ -82,16 +85,21 @@ def identified(tasks: Sequence[Task], workers: int, options: Mapping[str, Any]) 
     # not forked: a library's threads do not survive that
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(workers, mp_context=context, initializer=_end_with_parent) as pool:
+        under_way: set[Future[Entry]] = set()
+        left = iter(tasks)
         try:
-            # a future is dropped when its entry is given: memory does not grow with the folder
-            yield from (done.result() for done in as_completed({pool.submit(work, task) for task in tasks}))
+            while True:
+                while len(under_way) < _AHEAD * workers and (task := next(left, None)) is not None:
+                    under_way.add(pool.submit(work, task))
+                if not under_way:
+                    return
+                done, under_way = wait(under_way, return_when=FIRST_COMPLETED)
+                yield from (future.result() for future in done)
         except BrokenProcessPool:
             found = "a worker was ended by the system"
             raise DataError(
                 "the records could not all be identified", found, "Use fewer workers; what is done is stored."
             ) from None
-        finally:
-            pool.shutdown(cancel_futures=True)
 
 
 def _end_with_parent() -> None:
