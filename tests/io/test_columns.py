@@ -113,7 +113,7 @@ def test_every_unit_is_known_in_every_writing() -> None:
     assert not is_unit("Force")
 
 
-@pytest.mark.parametrize("unit", ["(m/s²)/(N)", "((m/s^2)/N)", "[m/s2/N]"])
+@pytest.mark.parametrize("unit", ["(m/s²)/(N)", "((m/s^2)/N)", "[m/s2/N]", "[m/s2]/[N]", "m/(s^2)/N"])
 def test_brackets_around_both_sides_of_a_ratio_are_none_around_all(unit: str, tmp_path: Path) -> None:
     rows = "".join(f"{k}\t{1 / k:.6g}\t{-0.1 * k:.6g}\n" for k in range(1, 40))
     (tmp_path / "a.txt").write_text(f"Frequency\tReal\tImaginary\nHz\t{unit}\t \n{rows}", encoding="utf-8")

@@ -85,6 +85,8 @@ _MAX_UNIT_LENGTH = 400
 #: Signs of one meaning, and (last) signs that say nothing.
 _SIGNS = str.maketrans("²³⁻¹µμ·⋅×", "23-1uu***", "^ ")
 
+_BRACKETS = ("[]", "()", "<>", "{}")
+
 #: A sensitivity, such as 100 mV/g: the channel is in mV, of which so many are one g.
 _SENSITIVITY = re.compile(r"^(?P<number>\d+\.?\d*(?:[eE][-+]?\d+)?|\.\d+)(?P<signal>mV|V|uV|pC)/(?P<unit>.+)$")
 
@@ -107,6 +109,21 @@ class InSi(NamedTuple):
     kind: str
 
 
+def unbracketed(text: str) -> str:
+    """Return a text without blanks and brackets around all of it.
+
+    Examples
+    --------
+    >>> unbracketed("[m/s^2]"), unbracketed("((m/s2)/N)"), unbracketed("(m/s2)/(N)")
+    ('m/s^2', '(m/s2)/N', '(m/s2)/(N)')
+    """
+    text = text.strip()
+    # what the first opens is not closed before another opens
+    while text[:1] + text[-1:] in _BRACKETS and text.find(text[0], 1, -1) <= text.find(text[-1], 1, -1):
+        text = text[1:-1].strip()
+    return text
+
+
 def plain_unit(unit: str) -> str:
     """Return a unit without blanks, brackets, signs of powers and capitals of dB.
 
@@ -116,11 +133,8 @@ def plain_unit(unit: str) -> str:
     ('m/s2', 'm/s2', 'm/s2/N', 'deg')
     """
     signs = unit.strip()[:_MAX_UNIT_LENGTH].replace("**", "").translate(_SIGNS)
-    text = signs.replace("°", "deg").replace("ε", "epsilon")
-    text = re.sub(r"\(([^()]*)\)", r"\1", text) if text.count("/") < 3 else text
-    while len(text) > 1 and text[0] + text[-1] in ("[]", "()", "<>", "{}"):
-        text = text[1:-1]
-    return text
+    text = unbracketed(signs.replace("°", "deg").replace("ε", "epsilon"))
+    return re.sub(r"\(([^()]*)\)", r"\1", text) if text.count("/") < 3 else text
 
 
 @cache
@@ -158,8 +172,8 @@ def sides_of(unit: str) -> tuple[str, str]:
     (('m/s^2', 'N'), ('g', 'lbf'), ('mm/s', ''), ('100 mV/g', ''))
     """
     si = in_si(unit)
-    above, _, below = unit.rpartition("/")
-    return (unit, "") if si is None or si.kind else (above.strip("()[] "), below.strip("()[] "))
+    above, _, below = unbracketed(unit).rpartition("/")
+    return (unit, "") if si is None or si.kind else (unbracketed(above), unbracketed(below))
 
 
 Data = TypeVar("Data")

@@ -11,7 +11,7 @@ import numpy as np
 
 from modalscope.data import DataError, FrequencyResponse
 from modalscope.data.shown import figures
-from modalscope.data.units import plain_unit
+from modalscope.data.units import plain_unit, unbracketed
 from modalscope.io.arrays import joined
 from modalscope.io.columns.table import Column, Table, as_word, span
 from modalscope.io.columns.vocabulary import COLUMNS, MAX_CHARACTERS, folded, meanings_of
@@ -61,6 +61,8 @@ def part_of(name: str) -> tuple[str, str] | None:
     --------
     >>> part_of("H11 Real"), part_of("Im(H11)"), part_of("|3Z/1Z|"), part_of("Phase"), part_of("AccA")
     (('H11', 'real'), ('H11', 'imag'), ('3Z/1Z', 'mag'), ('', 'phase'), None)
+    >>> part_of("(3Z)/(1Z) Real")
+    ('(3Z)/(1Z)', 'real')
     """
     text = name.strip()[:MAX_CHARACTERS]
     bars = _BARS.match(text)
@@ -76,9 +78,8 @@ def part_of(name: str) -> tuple[str, str] | None:
 
 def _unwrapped(text: str) -> str:
     """Return what is left of a name without the brackets and signs that joined the part to it."""
-    text = text.strip(" _-.,:;|")
-    while len(text) > 1 and text[0] + text[-1] in ("()", "[]", "{}"):
-        text = text[1:-1].strip(" _-.,:;|")
+    while (bare := unbracketed(text).strip(" _-.,:;|")) != text:
+        text = bare
     return text if text.count("(") == text.count(")") else text.strip("() ")
 
 
@@ -356,10 +357,9 @@ def matrix_of(where: str, responses: Responses) -> tuple[Any, Any, Any, Array]:
 
 def _unit_pair(unit: str) -> tuple[str, str]:
     """Return the units of output and input in that of a ratio, `m/s2/N` or `(m/s^2)/(N)`."""
-    above, slash, below = unit.strip().rpartition("/")
+    above, slash, below = unbracketed(unit).rpartition("/")
     if slash and kind_of_unit(below) == "force":
-        bare = above.strip()
-        return (bare[1:-1] if bare.startswith("(") and bare.endswith(")") else bare), below.strip("() ")
+        return unbracketed(above), unbracketed(below)
     return ("", "") if is_decibel("", unit) else (unit, "")
 
 

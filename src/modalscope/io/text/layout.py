@@ -16,6 +16,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from modalscope.data.units import unbracketed
 from modalscope.io.columns.facts import Statement
 from modalscope.io.columns.lines import part_of
 from modalscope.io.columns.vocabulary import key_meaning, meanings_of
@@ -294,11 +295,8 @@ def _by_place(line: str, places: Places) -> list[str]:
 
 
 def _bare(cell: str) -> str:
-    """Return the unit in a cell of a row of units, without brackets around all of it: (m/s2)/(N) has none."""
-    text = cell.strip()
-    for opening, closing in ("[]", "()", "<>", "{}"):
-        if text[:1] + text[-1:] == opening + closing and text.find(opening, 1, -1) <= text.find(closing, 1, -1):
-            text = text[1:-1].strip()
+    """Return the unit in a cell of a row of units."""
+    text = unbracketed(cell)
     return "" if is_missing(text) else text
 
 
