@@ -46,6 +46,7 @@ def flags(after: list[Pole], before: list[Pole], **limits: float) -> list[tuple[
             modal=Eigenmodes(poles, Eigen(poles, states, states), fit),
             wrapped=lambda: ModalModel(poles=poles, shapes=shapes),
             reported=np.arange(n),
+            outside=np.zeros(0, int),
             indicators={},
             misfit=0.0,
         )

@@ -106,6 +106,8 @@ class StabilizationDiagram(Shown, HasPoles):
         Sampling interval of the identified system.
     measured : FrequencyResponse, optional
         The lines that the samples of `response` were made of; None where it was not transformed.
+    outside, order_of_outside : array of complex and of int, (q,), optional
+        Poles outside the band, rad/s, and the order that each belongs to: the data in the band need them all the same.
     output_whitening, reference_whitening : array, (l, l) and (m, m) or their diagonals, optional
         W and V of ambient channels, and levels of other responses: poles were found, and fit errors are those, in W R V', and modes are
         selected there; shapes, participation and `response` are those of the channels.
@@ -134,20 +136,15 @@ class StabilizationDiagram(Shown, HasPoles):
     notes: tuple[Note, ...] = ()
     dt: float | None = None
     measured: Response | None = None
+    outside: ComplexArray = field(default_factory=lambda: np.zeros(0, complex))
+    order_of_outside: IntArray = field(default_factory=lambda: np.zeros(0, int))
     output_whitening: RealArray | None = None
     reference_whitening: RealArray | None = None
 
     def __post_init__(self) -> None:
         count = np.shape(self.poles)[0]
-        flat = (
-            "order_of_pole",
-            "poles",
-            "shapes",
-            "participation",
-            "stable_frequency",
-            "stable_damping",
-            "stable_shape",
-        )
+        flat = ["order_of_pole", "poles", "shapes", "participation"]
+        flat += ["stable_frequency", "stable_damping", "stable_shape"]
         known = [
             name for name, value in self._unread().items() if value is not None and not isinstance(value, Deferred)
         ]
@@ -173,6 +170,16 @@ class StabilizationDiagram(Shown, HasPoles):
         if self.output_whitening is None or self.reference_whitening is None:
             return None
         return Whitening(self.output_whitening, self.reference_whitening)
+
+    def poles_at(self, order: int) -> ComplexArray:
+        """Return the poles of one order, rad/s, with those outside the band: what the data of the band need.
+
+        Parameters
+        ----------
+        order : int
+            One of `orders`.
+        """
+        return np.concatenate([self.poles[self.order_of_pole == order], self.outside[self.order_of_outside == order]])
 
     def whitened(self) -> StabilizationDiagram:
         """Return the diagram of the whitened channels, in which modes are selected; itself where there are none."""

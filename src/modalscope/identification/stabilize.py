@@ -112,10 +112,8 @@ def swept(
         if progress is not None:
             progress(len(found.orders) - len(found.remaining), len(found.orders))
     if not cuts:
-        orders = f"orders {asked[0]} to {asked[-1]}:"
-        raise DataError(orders, str(found.notes[-1]), "Choose other orders or block sizes.")
-    notes = (*found.notes, *found.notes_on(cuts))
-    return collected(found.pipeline, cuts, limits, notes, asked)
+        raise DataError(f"orders {asked[0]} to {asked[-1]}:", str(found.notes[-1]), "Choose others, or block sizes.")
+    return collected(found.pipeline, cuts, limits, (*found.notes, *found.notes_on(cuts)), asked)
 
 
 def collected(
@@ -130,8 +128,7 @@ def collected(
     `cuts`: at least one, by increasing order. `limits`: tolerances of stability, all three. `notes`: on orders left out. `asked`: orders
     that were requested.
     """
-    stable = [np.zeros((3, cuts[0].reported.size), bool)]
-    stable += [stable_against(before, after, limits) for before, after in pairwise(cuts)]
+    stable = [np.zeros((3, cuts[0].reported.size), bool), *(stable_against(a, b, limits) for a, b in pairwise(cuts))]
     flags = np.hstack(stable)
     names = set.intersection(*(set(cut.indicators) for cut in cuts))
     factors, decay = pipeline.factors, complex(pipeline.matrix.judged.added_damping)
@@ -139,14 +136,14 @@ def collected(
     text = f"{counted(outside, 'pole')} not drawn: outside the band, or computational"
     outsiders = [Note("poles left out", {"poles": outside}, text)] if outside else []
     whitening, records = pipeline.problem.whitening, pipeline.problem.records
-    poles = [cut.modal.poles[cut.reported] for cut in cuts]
+    poles = np.concatenate([cut.modal.poles[cut.reported] for cut in cuts])
     return StabilizationDiagram(
         response=pipeline.response,
         method=pipeline.method.name,
         domain=pipeline.method.domain,
         orders=tuple(cut.order for cut in cuts),
         order_of_pole=np.concatenate([np.full(cut.reported.size, cut.order) for cut in cuts]),
-        poles=np.concatenate(poles) + decay,
+        poles=poles + decay,
         shapes=np.concatenate([cut.modal.shapes[:, cut.reported] for cut in cuts], axis=1),
         participation=np.concatenate([cut.modal.participation[cut.reported] for cut in cuts]),
         stable_frequency=flags[0],
@@ -156,12 +153,14 @@ def collected(
         **deferred_deviations(cuts),
         indicators={
             **{name: np.concatenate([c.indicators[name][c.reported] for c in cuts]) for name in sorted(names)},
-            **({} if records is None else peaks_of_spectra(records, np.concatenate(poles))),
+            **({} if records is None else peaks_of_spectra(records, poles)),
         },
         singular_values=factors.spectrum,
         fit_errors=np.array([cut.misfit for cut in cuts]),
         exact_rank=factors.rank if _exact(pipeline, cuts[-1]) else None,
         tolerances=limits,
+        outside=np.concatenate([cut.modal.poles[cut.outside] for cut in cuts]) + decay,
+        order_of_outside=np.concatenate([np.full(cut.outside.size, cut.order) for cut in cuts]),
         settings=pipeline.settings,
         notes=(*pipeline.notes, *notes, *outsiders, *_doubts(pipeline, cuts, stable)),
         dt=pipeline.matrix.dt,
@@ -173,10 +172,8 @@ def collected(
 
 def _exact(pipeline: Pipeline, last: Cut) -> bool:
     """Return whether the last order is the rank of noise-free data; samples transformed from a band never count as such."""
-    factors, problem = pipeline.factors, pipeline.problem
-    if pipeline.transformed is not None and not problem.measured.exact_samples:
-        return False
-    return factors.rank < factors.left.shape[1] and factors.rank == last.order
+    factors, exact = pipeline.factors, pipeline.transformed is None or pipeline.problem.measured.exact_samples
+    return exact and last.order == factors.rank < factors.left.shape[1]
 
 
 def _doubts(pipeline: Pipeline, cuts: Sequence[Cut], stable: Sequence[Array]) -> tuple[Note, ...]:

@@ -38,9 +38,9 @@ class Cut:
     """One order: its model, modes, indicators and standard deviations.
 
     `triple`: (A, B, C). `modal`: all poles, as they are in the data. `wrapped`: () -> the same without the damping of an exponential
-    window. `reported`: indices of the poles that the rank explains and that lie in the band. `misfit`: norm(measured - rebuilt) /
-    norm(measured), each output divided by its root mean square. `due`: what computes their standard deviations, and of what, where asked;
-    see `modalscope.identification.deviating`.
+    window. `reported`, `outside`: indices of the poles that the rank explains, those that lie in the band and the others. `misfit`:
+    norm(measured - rebuilt) / norm(measured), each output divided by its root mean square. `due`: what computes their standard
+    deviations, and of what, where asked; see `modalscope.identification.deviating`.
     """
 
     order: int
@@ -48,6 +48,7 @@ class Cut:
     modal: Eigenmodes
     wrapped: Callable[[], ModalModel]
     reported: IntArray
+    outside: IntArray
     indicators: Mapping[str, RealArray]
     misfit: float
     due: tuple[Any, Any] | None = None
@@ -145,6 +146,7 @@ class Sweep:
             modal=bare,
             wrapped=partial(modal_model, self.pipeline.matrix, bare, indicators),
             reported=reported,
+            outside=np.setdiff1d(kept, reported),
             indicators=indicators,
             misfit=self.misfit(model.modal),
             due=None if asked is None else (self.deviating, asked),

@@ -344,7 +344,7 @@ def _with_terms_of_correlations(modes: ModalModel, looks: Sequence[Look]) -> Mod
     if not len(modes):
         return modes
     diagrams = [look.diagram for look in looks]
-    poles = [diagram.poles[diagram.order_of_pole == usable_orders(diagram)[0][-1]] for diagram in diagrams]
+    poles = [diagram.poles_at(usable_orders(diagram)[0][-1]) for diagram in diagrams]
     bands = [BandData(look.diagram.response, look.reported, own) for look, own in zip(looks, poles, strict=True)]
     return with_terms_of_bands(modes, bands)
 

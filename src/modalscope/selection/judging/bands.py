@@ -249,7 +249,7 @@ def of_ends(modes: ModalModel, shown: StabilizationDiagram, fitted: Stabilizatio
     if not len(kept) or shown.response.ambient:
         return kept
     poles, powers = terms_of(modes)
-    last = fitted.poles[fitted.order_of_pole == usable_orders(fitted)[0][-1]]
+    last = fitted.poles_at(usable_orders(fitted)[0][-1])
     return with_terms_of_bands(kept, [BandData(shown.response, (low, high), np.append(poles, last), powers)])
 
 

@@ -121,7 +121,7 @@ def between_groups(diagram: StabilizationDiagram, modes: ModalModel) -> ModalMod
     groups = check_groups(AUTO, *response.parts, response.groups)
     if response.ambient or groups is None or len(set(groups)) < LEAST_GROUPS or not len(modes):
         return modes
-    last = diagram.poles[diagram.order_of_pole == usable_orders(diagram)[0][-1]]
+    last = diagram.poles_at(usable_orders(diagram)[0][-1])
     found = in_place(response.whole, modes, needed_beside(response, modes.poles, last))
     names = ("frequencies_repeatability", "damping_ratios_repeatability", "degrees")
     return replace(modes, **{name: getattr(found, name) for name in names})

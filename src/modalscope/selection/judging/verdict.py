@@ -459,7 +459,7 @@ def contest(diagram: StabilizationDiagram, poles: Poles, others: Sequence[Poles]
     are candidates, too, where they are none of these.
     """
     response = diagram.as_measured
-    rich = diagram.poles[diagram.order_of_pole == diagram.orders[int(np.argmin(diagram.fit_errors))]]
+    rich = diagram.poles_at(diagram.orders[int(np.argmin(diagram.fit_errors))])
     start = _starts_of(poles, others)
     steady, added = rich[rich.imag == 0], response.added_damping
 
