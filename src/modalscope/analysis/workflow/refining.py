@@ -27,9 +27,6 @@ _STD_FIELDS = (
     *("degrees", "damping_ratios_lower"),
 )
 
-#: Modes that drift away are fixed at once and the others refined again: minimum share of refined modes.
-_MIN_REFINED = 0.5
-
 
 def refined_where_it_helps(diagram: StabilizationDiagram, modes: ModalModel) -> ModalModel:
     """Refine the modes selected from a diagram, or return them unchanged with a note of the reason.
@@ -54,7 +51,7 @@ def _refined(diagram: StabilizationDiagram, modes: ModalModel) -> ModalModel:
         return modes.noted(_kept(why))
     extra = terms_of(modes)[0]
     stay = np.ones(len(modes), bool)
-    while stay.mean() >= _MIN_REFINED:
+    while stay.any():
         fixed = np.concatenate([extra, modes.poles[~stay]])
         try:
             whole = diagram.response.whole
@@ -65,13 +62,11 @@ def _refined(diagram: StabilizationDiagram, modes: ModalModel) -> ModalModel:
             continue
         except DataError as error:
             return modes.noted(_kept(error.fault))
-        if refined is not None:
-            return refined if stay.all() else _with_others(diagram.response, modes, refined, modes.take(~stay), extra)
-        reasons = [str(note) for note in found.notes if note.kind == "not converged"]
-        return replace(_placed(diagram, modes, extra), converged=False).noted(_kept(*reasons))
-    where = list_some(f"{abs(s) / (2 * np.pi):.5g} Hz" for s in modes.poles[~stay])
-    kept = _kept(f"the optimum is far from {where}: the data contain more than these modes")
-    return _placed(diagram, modes, extra).noted(kept)
+        if refined is None:
+            reasons = [str(note) for note in found.notes if note.kind == "not converged"]
+            return replace(_placed(diagram, modes, extra), converged=False).noted(_kept(*reasons))
+        return refined if stay.all() else _with_others(diagram.response, modes, refined, modes.take(~stay), extra)
+    return _with_others(diagram.response, modes, modes.take(stay), modes, extra)
 
 
 def _placed(diagram: StabilizationDiagram, modes: ModalModel, extra: ComplexArray) -> ModalModel:
