@@ -97,8 +97,7 @@ def _residues(
 
 def _poles_besides(diagram: StabilizationDiagram, values: ComplexArray) -> ComplexArray:
     """Return the poles that the data need besides modes (n,), rad/s: of the last order, and some for modes outside the band of lines."""
-    last = usable_orders(diagram)[0][-1]
-    found = diagram.poles_at(last)
+    found = diagram.poles_at(usable_orders(diagram)[0][-1])
     return needed_beside(diagram.response, values, np.concatenate([found, out_of_band_poles(diagram.response)]))
 
 
