@@ -451,17 +451,15 @@ def has_likelihood(diagram: StabilizationDiagram) -> bool:
 def contest(diagram: StabilizationDiagram, poles: Poles, others: Sequence[Poles] = ()) -> Contest:
     """Select the poles that the data need from the groups of a diagram, refined jointly.
 
-    A coloured residual of the reference model may be a missing mode: the completed joint fit decides. Out-of-band poles, those that the
-    order that fits best has and some around the band, take part where that residual is much whiter beside them, as each round of
-    completion has to make it; never in coloured errors, which they follow. If the fit does not become white under the noise of the
-    reference model, it is tried under that of the quieter lines, see `Floor.quiet`.
+    A coloured residual of the reference model may be a missing mode: the completed joint fit decides. Out-of-band poles take part where
+    that residual is much whiter beside them, as each round of completion has to make it; never in coloured errors, which they follow. If
+    the fit does not become white under the noise of the reference model, it is tried under that of the quieter lines, see `Floor.quiet`.
 
     `poles`: not merged: of two poles within one bandwidth each is a candidate. `others`: of further diagrams of the same data, whose groups
     are candidates, too, where they are none of these.
     """
     response = diagram.as_measured
-    best = diagram.orders[int(np.argmin(diagram.fit_errors))]
-    rich, known = diagram.poles[diagram.order_of_pole == best], diagram.outside[diagram.order_of_outside == best]
+    rich = diagram.poles[diagram.order_of_pole == diagram.orders[int(np.argmin(diagram.fit_errors))]]
     start = _starts_of(poles, others)
     steady, added = rich[rich.imag == 0], response.added_damping
 
@@ -477,7 +475,7 @@ def contest(diagram: StabilizationDiagram, poles: Poles, others: Sequence[Poles]
         floor = floor.judged()
         selection = _problem_of(response, floor, held)
         return Contest(selection, outcome(selection, False))
-    more = beside(out_of_band_poles(response), known)
+    more = beside(out_of_band_poles(response))
     outside = more[more.imag > 0]
     seen = floor_of(response, np.concatenate([rich - added, outside])) if outside.size else floor
     whiter = seen.colour.excess <= max(1.0, MAX_EXCESS_RATIO * floor.colour.excess)
