@@ -223,6 +223,8 @@ def test_a_diagram_needs_a_row_for_every_pole() -> None:
     np.testing.assert_array_equal(diagram.stable, [True, True, False])
     with pytest.raises(DataError, match="a diagram of 3 poles needs as many order_of_pole, but there are 2"):
         StabilizationDiagram(**common, **flat, **stable, order_of_pole=np.array([2, 4]))  # type: ignore[arg-type]
+    with pytest.raises(DataError, match="a diagram of 2 poles needs as many order_of_outside, but there are 0"):
+        diagram.changed(outside=np.ones(2, complex))
 
 
 def test_modes_know_their_number_frequencies_and_kinds() -> None:

@@ -142,13 +142,11 @@ class StabilizationDiagram(Shown, HasPoles):
     reference_whitening: RealArray | None = None
 
     def __post_init__(self) -> None:
-        count = np.shape(self.poles)[0]
         flat = ["order_of_pole", "poles", "shapes", "participation"]
         flat += ["stable_frequency", "stable_damping", "stable_shape"]
-        known = [
-            name for name, value in self._unread().items() if value is not None and not isinstance(value, Deferred)
-        ]
-        for name in (*flat, *known):
+        flat += [n for n, value in self._unread().items() if value is not None and not isinstance(value, Deferred)]
+        needed = dict.fromkeys(flat, np.shape(self.poles)[0]) | {"order_of_outside": np.shape(self.outside)[0]}
+        for name, count in needed.items():
             array = np.asarray(getattr(self, name))
             there = array.shape[-1 if name == "shapes" else 0]
             if there != count:
@@ -156,6 +154,7 @@ class StabilizationDiagram(Shown, HasPoles):
             freeze(self, **{name: locked(array)})
         freeze(
             self,
+            outside=locked(np.asarray(self.outside)),
             notes=notes_of(self.notes),
             output_whitening=None if self.output_whitening is None else locked(self.output_whitening),
             reference_whitening=None if self.reference_whitening is None else locked(self.reference_whitening),
@@ -172,7 +171,7 @@ class StabilizationDiagram(Shown, HasPoles):
         return Whitening(self.output_whitening, self.reference_whitening)
 
     def poles_at(self, order: int) -> ComplexArray:
-        """Return the poles of one order, rad/s, with those outside the band: what the data of the band need.
+        """Return the poles of one order, rad/s, with those outside the band.
 
         Parameters
         ----------

@@ -15,6 +15,7 @@ from modalscope.data.results import StabilizationDiagram
 from modalscope.identification.matrices.factor import Factors
 from modalscope.identification.matrices.matrix import DataMatrix
 from modalscope.identification.method import Blocks, Companions, OrderRule, States
+from modalscope.numerics.checks import ComplexArray
 from modalscope.numerics.errors import DataError
 
 #: Maximum number of states of a companion form in a comparison: eigenvalues cost its cube. The second value holds where every input has
@@ -154,22 +155,21 @@ def sufficient_order(diagram: StabilizationDiagram) -> int:
 
 
 def usable_orders(diagram: StabilizationDiagram) -> tuple[tuple[int, ...], float]:
-    """Return the orders up to twice (at least 20 above) the sufficient one, and the best fit error among them.
-
-    Higher orders fit noise only.
-    """
+    """Return the orders up to twice (at least 20 above) the sufficient one, as higher ones fit noise, and their best fit error."""
     enough = sufficient_order(diagram)
     orders = tuple(n for n in diagram.orders if n <= max(2 * enough, enough + _MIN_FURTHER_ORDERS))
     return orders, float(diagram.fit_errors[: len(orders)].min())
 
 
+def last_poles(diagram: StabilizationDiagram) -> ComplexArray:
+    """Return the poles of the last usable order, rad/s, with those outside the band: what the data of the band need."""
+    return diagram.poles_at(usable_orders(diagram)[0][-1])
+
+
 def still_falls(diagram: StabilizationDiagram) -> bool:
     """Return whether the fit error still falls at the last orders, so that modes may be missing."""
     errors, late = diagram.fit_errors, np.array(diagram.orders) > 0.75 * diagram.orders[-1]
-    if late.all():
-        return False
-    last = errors[late].min()
-    return bool(last > _MIN_FIT_ERROR and last < (1 - _MIN_FALL) * errors[~late].min())
+    return bool(not late.all() and _MIN_FIT_ERROR < errors[late].min() < (1 - _MIN_FALL) * errors[~late].min())
 
 
 #: Kind of the notes that modes may be missing because the orders end too soon.

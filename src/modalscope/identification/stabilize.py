@@ -112,7 +112,7 @@ def swept(
         if progress is not None:
             progress(len(found.orders) - len(found.remaining), len(found.orders))
     if not cuts:
-        raise DataError(f"orders {asked[0]} to {asked[-1]}:", str(found.notes[-1]), "Choose others, or block sizes.")
+        raise DataError(f"orders {asked[0]} to {asked[-1]}:", str(found.notes[-1]), "Give other orders or block sizes.")
     return collected(found.pipeline, cuts, limits, (*found.notes, *found.notes_on(cuts)), asked)
 
 

@@ -86,6 +86,7 @@ def test_an_optimum_far_away_is_not_reported_as_the_mode(monkeypatch):
     monkeypatch.setattr("modalscope.selection.judging.outcome.needed_beside", lambda *_: np.zeros(0, complex))
     found = ms.analyze(data, orders=ORDERS).modes
     assert "their optimum lies at other modes" in told(found, "not refined")
+    assert found.unrefined is None
     assert np.isnan(np.asarray(found.frequencies_std)).all()
 
 

@@ -25,7 +25,7 @@ from modalscope.data.shown import counted
 from modalscope.data.sizes import check_size
 from modalscope.data.whitening import Whitening, levelling
 from modalscope.identification.diagrams import stabilize
-from modalscope.identification.orders import usable_orders
+from modalscope.identification.orders import last_poles
 from modalscope.identification.stabilize import Watch
 from modalscope.numerics.checks import RealArray
 from modalscope.numerics.errors import DataError
@@ -343,9 +343,7 @@ def _with_terms_of_correlations(modes: ModalModel, looks: Sequence[Look]) -> Mod
     """Return modes of correlations with residual terms: the poles of the last order that the correlations need besides them."""
     if not len(modes):
         return modes
-    diagrams = [look.diagram for look in looks]
-    poles = [diagram.poles_at(usable_orders(diagram)[0][-1]) for diagram in diagrams]
-    bands = [BandData(look.diagram.response, look.reported, own) for look, own in zip(looks, poles, strict=True)]
+    bands = [BandData(look.diagram.response, look.reported, last_poles(look.diagram)) for look in looks]
     return with_terms_of_bands(modes, bands)
 
 

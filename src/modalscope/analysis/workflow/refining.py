@@ -100,7 +100,7 @@ def _with_others(
     note = Note("not refined", {"modes": len(others)}, text)
     fitted = replace(merged, left_out=refined.left_out, shapes=fit.shapes, **fit.fields(response.whole))
     found = replace(fitted.normalized("unit"), shapes_std=shapes_std).take(order)
-    return with_indicators_of_shapes(replace(found, unrefined=before)).noted(note)
+    return with_indicators_of_shapes(replace(found, unrefined=before if len(refined) else None)).noted(note)
 
 
 def _unfit(diagram: StabilizationDiagram) -> str:

@@ -17,7 +17,7 @@ from modalscope.data.residual_terms import ResidualTerms
 from modalscope.data.response import Response, output_scale
 from modalscope.data.results import DEVIATIONS, StabilizationDiagram
 from modalscope.data.sameness import divided, log_ratios
-from modalscope.identification.orders import ORDERS_END, usable_orders
+from modalscope.identification.orders import ORDERS_END, last_poles
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import (
     Array,
@@ -249,8 +249,8 @@ def of_ends(modes: ModalModel, shown: StabilizationDiagram, fitted: Stabilizatio
     if not len(kept) or shown.response.ambient:
         return kept
     poles, powers = terms_of(modes)
-    last = fitted.poles_at(usable_orders(fitted)[0][-1])
-    return with_terms_of_bands(kept, [BandData(shown.response, (low, high), np.append(poles, last), powers)])
+    own = np.append(poles, last_poles(fitted))
+    return with_terms_of_bands(kept, [BandData(shown.response, (low, high), own, powers)])
 
 
 def terms_of(modes: ModalModel) -> tuple[ComplexArray, tuple[int, ...]]:

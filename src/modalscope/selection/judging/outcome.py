@@ -18,7 +18,7 @@ from modalscope.data.results import DEVIATIONS, StabilizationDiagram
 from modalscope.data.sameness import likeliest, log_ratios
 from modalscope.data.shown import figures, list_some
 from modalscope.data.whitening import levels_of_channels
-from modalscope.identification.orders import ORDERS_END, usable_orders
+from modalscope.identification.orders import ORDERS_END, last_poles
 from modalscope.numerics.checks import Array, ComplexArray, RealArray
 from modalscope.numerics.functions.poles import poles_from
 from modalscope.numerics.statistics import few_channels, scatter
@@ -97,7 +97,7 @@ def _residues(
 
 def _poles_besides(diagram: StabilizationDiagram, values: ComplexArray) -> ComplexArray:
     """Return the poles that the data need besides modes (n,), rad/s: of the last order, and some for modes outside the band of lines."""
-    found = diagram.poles_at(usable_orders(diagram)[0][-1])
+    found = last_poles(diagram)
     return needed_beside(diagram.response, values, np.concatenate([found, out_of_band_poles(diagram.response)]))
 
 

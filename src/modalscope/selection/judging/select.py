@@ -12,7 +12,7 @@ from modalscope.data.channels import AUTO, check_groups
 from modalscope.data.indicators import with_indicators_of_shapes
 from modalscope.data.modes import ModalModel
 from modalscope.data.results import StabilizationDiagram
-from modalscope.identification.orders import usable_orders
+from modalscope.identification.orders import last_poles
 from modalscope.numerics.arguments import named
 from modalscope.numerics.checks import check_each, check_kind, check_positive
 from modalscope.numerics.errors import DataError
@@ -121,8 +121,7 @@ def between_groups(diagram: StabilizationDiagram, modes: ModalModel) -> ModalMod
     groups = check_groups(AUTO, *response.parts, response.groups)
     if response.ambient or groups is None or len(set(groups)) < LEAST_GROUPS or not len(modes):
         return modes
-    last = diagram.poles_at(usable_orders(diagram)[0][-1])
-    found = in_place(response.whole, modes, needed_beside(response, modes.poles, last))
+    found = in_place(response.whole, modes, needed_beside(response, modes.poles, last_poles(diagram)))
     names = ("frequencies_repeatability", "damping_ratios_repeatability", "degrees")
     return replace(modes, **{name: getattr(found, name) for name in names})
 
