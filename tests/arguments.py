@@ -291,6 +291,7 @@ GIVEN: dict[str, Callable[[dict[str, Any]], dict[str, Any]]] = {
     "preprocess.merge_setups": lambda t: {"parts": [t["correlation"], t["correlation"]]},
     "systems.add_noise": lambda t: {"data": t["lines"], "fraction": 0.1},
     "StabilizationDiagram.deviations_at": lambda t: {"index": np.array([0])},
+    "StabilizationDiagram.poles_at": lambda t: {"order": int(t["diagram"].orders[-1])},
     "systems.build": lambda t: {"name": "chain5"},
     **{f"datasets.{verb}": lambda t: {"name": "palisaden"} for verb in ("describe", "folder", "load", "reference")},
     "systems.chain": lambda t: {"masses": [1.0, 1.0], "stiffnesses": [9.0, 9.0]},
