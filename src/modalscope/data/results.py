@@ -171,12 +171,17 @@ class StabilizationDiagram(Shown, HasPoles):
         return Whitening(self.output_whitening, self.reference_whitening)
 
     def poles_at(self, order: int) -> ComplexArray:
-        """Return the poles of one order, rad/s, with those outside the band.
+        """Return the poles of one order with those outside the band; none where no order is `order`.
 
         Parameters
         ----------
         order : int
             One of `orders`.
+
+        Returns
+        -------
+        ndarray, (number of poles,)
+            rad/s, those in the band first.
         """
         return np.concatenate([self.poles[self.order_of_pole == order], self.outside[self.order_of_outside == order]])
 
